@@ -1,0 +1,1 @@
+"""Safety-critical coordination of legged robots (see README.md)."""

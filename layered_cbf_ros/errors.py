@@ -1,0 +1,28 @@
+"""Every error this package raises on purpose.
+
+A message names the field, the value that was found and what to do about it.
+"""
+
+
+class LayeredCbfError(Exception):
+    """Base of all errors of this package; its text is meant for a person."""
+
+
+class ParameterError(LayeredCbfError):
+    """A node parameter is unknown, of the wrong type or out of its range."""
+
+
+class ScenarioError(LayeredCbfError):
+    """A scenario file is misspelt, or describes an impossible world."""
+
+
+class MessageError(LayeredCbfError):
+    """A message is of the wrong size, not finite, or names unknown things."""
+
+
+class BagError(LayeredCbfError):
+    """A bag can't be written or read."""
+
+
+class GraphError(LayeredCbfError):
+    """The node graph isn't complete, or stopped answering."""

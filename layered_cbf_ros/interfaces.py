@@ -1,0 +1,154 @@
+"""The few small types that pass between the layers.
+
+Joints are ordered FL, FR, RL, RR, each hip, upper, lower: pinocchio's order for
+the A1. Feet are ordered FL, FR, RL, RR. The world frame is REP-103: x forward,
+y left, z up. Quaternions are (x, y, z, w).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LEGS = ('FL', 'FR', 'RL', 'RR')
+JOINT_NAMES = tuple(f'{leg}_{joint}_joint' for leg in LEGS for joint in ('hip', 'upper', 'lower'))
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class RobotState:
+    """Measured state of one quadruped.
+
+    Attributes:
+        stamp_ns: Time of the measurement [ns].
+        configuration: Base position in the world [m] (3), base orientation
+            quaternion x, y, z, w (4), joint angles [rad] (12); shape (19,).
+        velocity: Base linear and angular velocity in the base frame [m/s],
+            [rad/s] (6), joint velocities [rad/s] (12); shape (18,).
+        torques: Joint torques that acted up to the stamp [Nm], (12,).
+        foot_forces: Normal force on each foot [N], (4,).
+    """
+
+    stamp_ns: int
+    configuration: Array
+    velocity: Array
+    torques: Array
+    foot_forces: Array
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedMotion:
+    """What the coordinator lets one robot do: one point of its safe trajectory.
+
+    Attributes:
+        stamp_ns: Time of the point [ns].
+        position: Planned CoM position in the world plane [m], (2,).
+        velocity: Its velocity [m/s], (2,).
+        acceleration: Its acceleration [m/s^2], (2,).
+        yaw: Planned heading [rad].
+        yaw_rate: Its rate [rad/s].
+    """
+
+    stamp_ns: int
+    position: Array
+    velocity: Array
+    acceleration: Array
+    yaw: float
+    yaw_rate: float
+
+    @classmethod
+    def standing(cls, stamp_ns: int, position: Array, yaw: float) -> PlannedMotion:
+        """Return the motion of a robot that stands still."""
+        return cls(stamp_ns, np.array(position), np.zeros(2), np.zeros(2), yaw, 0.0)
+
+    def at(self, stamp_ns: int) -> PlannedMotion:
+        """Return the motion a little later, the acceleration held constant."""
+        dt = (stamp_ns - self.stamp_ns) / NS_PER_S
+        return PlannedMotion(
+            stamp_ns,
+            self.position + dt * self.velocity + 0.5 * dt * dt * self.acceleration,
+            self.velocity + dt * self.acceleration,
+            self.acceleration,
+            self.yaw + dt * self.yaw_rate,
+            self.yaw_rate,
+        )
+
+    def braked(self, stamp_ns: int, deceleration: float) -> PlannedMotion:
+        """Return where the robot is at a stamp if it brakes from now on.
+
+        Args:
+            stamp_ns: Time asked for, not before this motion's stamp [ns].
+            deceleration: Size of the braking acceleration [m/s^2].
+
+        Returns:
+            The motion on a straight stopping path; yaw holds at once.
+        """
+        dt = (stamp_ns - self.stamp_ns) / NS_PER_S
+        speed = float(np.hypot(*self.velocity))
+        if speed < 1e-9:
+            return PlannedMotion.standing(stamp_ns, self.position, self.yaw)
+        heading = self.velocity / speed
+        t = min(dt, speed / deceleration)
+        moving = dt < speed / deceleration
+        return PlannedMotion(
+            stamp_ns,
+            self.position + heading * (speed * t - 0.5 * deceleration * t * t),
+            heading * (speed - deceleration * t),
+            -deceleration * heading if moving else np.zeros(2),
+            self.yaw,
+            0.0,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class GroundForcePlan:
+    """What the MPC asks of the feet, and what it predicts for the body.
+
+    Attributes:
+        stamp_ns: Stamp of the state it was computed from [ns].
+        forces: Ground reaction forces in the world [N], (4, 3); zero in swing.
+        footholds: Where each foot stands, or will touch down next, centre of the
+            toe sphere in the world [m], (4, 3).
+        swing_phase: Done part of each foot's swing in [0, 1), (4,); 0 in stance.
+        swing_rate: Its rate [1/s], (4,); exactly 0 tells that a foot is in stance.
+        predicted: Predicted next state eta = CoM position [m], CoM velocity [m/s],
+            both in the world, rotation vector from the present orientation [rad],
+            angular velocity in the base frame [rad/s]; shape (12,).
+    """
+
+    stamp_ns: int
+    forces: Array
+    footholds: Array
+    swing_phase: Array
+    swing_rate: Array
+    predicted: Array
+
+    @property
+    def in_stance(self) -> NDArray[np.bool_]:
+        """Tell which feet carry the robot, (4,)."""
+        return self.swing_rate == 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """What is known of one obstacle, or of any body that isn't one of our agents.
+
+    Attributes:
+        name: Stable name of the track.
+        stamp_ns: Time the estimate is for [ns].
+        position: Centre in the world plane [m], (2,).
+        velocity: Its velocity [m/s], (2,).
+        covariance: Of position and velocity, (4, 4).
+        radius: Radius of its body [m].
+    """
+
+    name: str
+    stamp_ns: int
+    position: Array
+    velocity: Array
+    covariance: Array
+    radius: float
