@@ -1,0 +1,157 @@
+"""Which inputs make a tick: one rule, two modes.
+
+Every message carries the stamp of the state it was computed from. A node ticks on
+a state; its other inputs are older by a fixed latency, so that the layers compute
+side by side instead of one after the other.
+
+In lockstep each input must have exactly the wanted stamp: a run then repeats to
+the bit, whatever the load of the machine. In real time the newest input counts,
+unless it is older than its age limit.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from layered_cbf_ros.errors import MessageError
+from layered_cbf_ros.interfaces import NS_PER_S
+from layered_cbf_ros.messages.cdr import stamp_of
+from layered_cbf_ros.parameters import parameter
+
+LOCKSTEP, REAL_TIME = 'lockstep', 'real_time'
+
+
+@dataclass(frozen=True)
+class TimingParameters:
+    """Rates of the graph; every node of a run has the same."""
+
+    time: str = parameter(
+        LOCKSTEP, 'how inputs are matched to a tick', choices=(LOCKSTEP, REAL_TIME)
+    )
+    state_rate: int = parameter(1000, 'states and joint commands', 'Hz', 100, 1000)
+    plan_rate: int = parameter(500, 'safe trajectories and ground forces', 'Hz', 50, 1000)
+    detection_rate: int = parameter(100, 'obstacle detections and tracks', 'Hz', 1, 1000)
+    detection_delay: float = parameter(
+        0.0, 'age of detections when they are sent, as the scenario has it', 's', 0.0, 1.0
+    )
+    age_limit: float = parameter(0.05, 'oldest plan or force used in real time', 's', 0.002, 1.0)
+    command_age_limit: float = parameter(
+        0.02, 'oldest joint command that acts in real time', 's', 0.002, 1.0
+    )
+    patience: float = parameter(
+        5.0, 'wall time to wait for an input in lockstep before giving up', 's', 0.1, 600.0
+    )
+
+    @property
+    def tick_ns(self) -> int:
+        """Return the period of the states [ns]."""
+        return NS_PER_S // self.state_rate
+
+    @property
+    def plan_ns(self) -> int:
+        """Return the period of plans and forces [ns]."""
+        return NS_PER_S // self.plan_rate
+
+    @property
+    def detection_ns(self) -> int:
+        """Return the period of detections [ns]."""
+        return NS_PER_S // self.detection_rate
+
+
+    @property
+    def detection_delay_periods(self) -> int:
+        """Return the age of sent detections in their periods."""
+        return round(self.detection_delay * self.detection_rate)
+
+
+@dataclass(frozen=True)
+class InputRule:
+    """How old an input is.
+
+    Attributes:
+        period_ns: Its sender's period [ns].
+        latency_ns: Least age of the message that a tick uses in lockstep [ns].
+        age_limit_ns: Greatest age of the message that a tick uses in real time [ns].
+    """
+
+    period_ns: int
+    latency_ns: int
+    age_limit_ns: int
+
+    def wanted(self, tick_ns: int) -> int | None:
+        """Return the stamp that a lockstep tick needs, None before the first [ns]."""
+        stamp_ns = (tick_ns - self.latency_ns) // self.period_ns * self.period_ns
+        return stamp_ns if stamp_ns >= 0 else None
+
+
+class InputRules:
+    """The latencies between the layers, in one place."""
+
+    def __init__(self, timing: TimingParameters) -> None:
+        tick, plan, age = timing.tick_ns, timing.plan_ns, round(timing.age_limit * NS_PER_S)
+        detection = timing.detection_ns
+        seen = detection * (1 + timing.detection_delay_periods)
+        self.plan = InputRule(plan, tick, age)
+        self.forces = InputRule(plan, 2 * tick, age)
+        self.tracks = InputRule(detection, seen, NS_PER_S)
+        self.command = InputRule(tick, tick, round(timing.command_age_limit * NS_PER_S))
+
+
+class Inbox:
+    """The messages of one input that may still be needed, by stamp.
+
+    A message that is sent again after a suspected loss changes nothing.
+    """
+
+    def __init__(self, capacity: int = 64) -> None:
+        self._messages: dict[int, bytes] = {}
+        self._seen: deque[int] = deque(maxlen=capacity)
+        self._capacity = capacity
+        self._used_ns = -1
+
+    def offer(self, data: bytes) -> bool:
+        """Keep a message; return False if it was there before.
+
+        Raises:
+            MessageError: If it has no header, or a stamp from the past.
+        """
+        stamp_ns = stamp_of(data)
+        if stamp_ns in self._seen:
+            return False
+        if stamp_ns < self._used_ns:
+            late = (self._used_ns - stamp_ns) / NS_PER_S
+            raise MessageError(f'stamp {stamp_ns / NS_PER_S:.3f} s is {late:.3f} s in the past')
+        self._seen.append(stamp_ns)
+        self._messages[stamp_ns] = data
+        if len(self._messages) > self._capacity:
+            del self._messages[min(self._messages)]
+        return True
+
+    def exactly(self, stamp_ns: int) -> bytes | None:
+        """Return the message with this stamp, and forget the older ones."""
+        if stamp_ns not in self._messages:
+            return None
+        self._forget_before(stamp_ns)
+        return self._messages[stamp_ns]
+
+    def newest(self, tick_ns: int, age_limit_ns: int) -> bytes | None:
+        """Return the newest message of a tick's time, None if it is too old.
+
+        Raises:
+            MessageError: If a message's stamp lies in the future; it is dropped.
+        """
+        if not self._messages:
+            return None
+        stamp_ns = max(self._messages)
+        if stamp_ns > tick_ns + age_limit_ns:
+            del self._messages[stamp_ns]
+            raise MessageError(f'stamp {stamp_ns / NS_PER_S:.3f} s is in the future')
+        self._forget_before(stamp_ns)
+        return self._messages[stamp_ns] if tick_ns - stamp_ns <= age_limit_ns else None
+
+    def _forget_before(self, stamp_ns: int) -> None:
+        self._used_ns = stamp_ns
+        if len(self._messages) > 1:
+            for old in [stamp for stamp in self._messages if stamp < stamp_ns]:
+                del self._messages[old]

@@ -1,0 +1,125 @@
+"""The rule that matches inputs to ticks."""
+
+import numpy as np
+import pytest
+
+from layered_cbf_ros.errors import MessageError
+from layered_cbf_ros.interfaces import PlannedMotion
+from layered_cbf_ros.loop_statistics import LoopStatistics
+from layered_cbf_ros.messages.joint_state import JointStateWriter
+from layered_cbf_ros.plan_following import PlanFollower
+from layered_cbf_ros.timing import Inbox, InputRules, TimingParameters
+
+MS = 1_000_000
+
+
+def message(stamp_ns: int, value: float = 0.0) -> bytes:
+    return JointStateWriter(['a']).encode(stamp_ns, *np.full((3, 1), value))
+
+
+@pytest.mark.parametrize('tick_ms', range(40))
+def test_lockstep_wants_the_newest_input_that_is_old_enough(tick_ms):
+    """Against a search over all stamps that a sender makes."""
+    rules = InputRules(TimingParameters())
+    cases = (rules.plan, 2, 1), (rules.forces, 2, 2), (rules.tracks, 10, 10), (rules.command, 1, 1)
+    for rule, period, latency in cases:
+        sent = [s for s in range(0, 50, period) if s <= tick_ms - latency]
+        wanted = rule.wanted(tick_ms * MS)
+        assert wanted == (sent[-1] * MS if sent else None)
+
+
+def test_late_detections_are_waited_for_as_long_as_they_are_late():
+    rules = InputRules(TimingParameters(detection_delay=0.05))
+    assert rules.tracks.wanted(100 * MS) == 40 * MS
+    assert rules.tracks.wanted(59 * MS) is None
+
+
+def test_a_message_sent_twice_counts_once():
+    inbox = Inbox()
+    assert inbox.offer(message(5, 1.0))
+    assert not inbox.offer(message(5, 2.0))
+    assert inbox.exactly(5) == message(5, 1.0)
+    assert not inbox.offer(message(5, 2.0))
+
+
+def test_a_message_from_the_past_is_refused_by_name():
+    inbox = Inbox()
+    inbox.offer(message(2_000 * MS))
+    inbox.exactly(2_000 * MS)
+    with pytest.raises(MessageError, match=r'1\.500 s is 0\.500 s in the past'):
+        inbox.offer(message(1_500 * MS))
+
+
+def test_real_time_takes_the_newest_until_it_is_too_old():
+    inbox = Inbox()
+    for stamp in (1, 3, 2):
+        inbox.offer(message(stamp * MS))
+    assert inbox.newest(4 * MS, 50 * MS) == message(3 * MS)
+    assert inbox.newest(53 * MS, 50 * MS) == message(3 * MS)
+    assert inbox.newest(54 * MS, 50 * MS) is None
+
+
+def test_a_message_from_the_future_does_not_block_the_present():
+    inbox = Inbox()
+    inbox.offer(message(10))
+    inbox.offer(message(3_600_000 * MS))
+    with pytest.raises(MessageError, match='future'):
+        inbox.newest(20, 50 * MS)
+    assert inbox.newest(20, 50 * MS) == message(10)
+
+
+def test_an_inbox_does_not_grow():
+    inbox = Inbox(capacity=4)
+    for stamp in range(100):
+        inbox.offer(message(stamp))
+    assert [inbox.exactly(s) is not None for s in (95, 96, 99)] == [False, True, True]
+
+
+def moving(stamp_ns: int, vx: float) -> PlannedMotion:
+    return PlannedMotion(stamp_ns, np.zeros(2), np.array([vx, 0.0]), np.zeros(2), 0.3, 0.5)
+
+
+def test_without_a_plan_a_robot_stays_where_it_stands():
+    motion, halt = PlanFollower(1.0).follow(7, None, np.array([1.0, 2.0]), 0.4)
+    assert halt
+    assert motion.position.tolist() == [1.0, 2.0]
+    assert motion.velocity.tolist() == [0.0, 0.0]
+
+
+def test_when_the_plan_ends_a_robot_stops_over_its_braking_distance():
+    """v^2 / 2a, and no step in position or speed at the start."""
+    follower = PlanFollower(deceleration=2.0)
+    plan, speed = moving(0, 0.5), 0.5
+    follower.follow(0, plan, np.zeros(2), 0.0)
+    begin, halt = follower.follow(1, None, np.zeros(2), 0.0)
+    assert halt
+    assert begin.velocity[0] == pytest.approx(speed, abs=1e-8)
+    end, _ = follower.follow(10_000 * MS, None, np.zeros(2), 0.0)
+    assert end.position[0] == pytest.approx(speed**2 / (2 * 2.0), rel=1e-12)
+    assert end.velocity[0] == pytest.approx(0.0, abs=1e-12)
+    assert end.acceleration[0] == 0.0
+
+
+def test_braking_is_consistent_with_its_own_acceleration():
+    """Position and velocity are the integrals of what is told one level up."""
+    plan, dt = moving(0, 0.4), 1e-3
+    for k in range(1, 600):
+        before, after = plan.braked(k * MS, 1.0), plan.braked((k + 1) * MS, 1.0)
+        mean = 0.5 * (before.velocity + after.velocity)
+        assert after.position - before.position == pytest.approx(mean * dt, abs=1e-6)
+
+
+def test_statistics_tell_what_was_counted():
+    statistics = LoopStatistics()
+    for duration in range(1, 101):
+        statistics.tick(duration * 1000)
+    statistics.reject('joint state has no FL')
+    first = statistics.report(1_000_000_000)
+    assert first['ticks'] == '100'
+    assert first['rejected'] == '1'
+    assert first['last_rejected'] == 'joint state has no FL'
+    assert first['solve_time_max_us'] == '100'
+    assert float(first['solve_time_p50_us']) == pytest.approx(np.median(range(1, 101)), abs=0.5)
+    for _ in range(50):
+        statistics.tick(1000)
+    assert statistics.report(1_500_000_000)['rate_hz'] == '100.0'
