@@ -1,0 +1,130 @@
+"""What a scenario may not ask for, though each of its values is well formed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from layered_cbf_ros.errors import ParameterError
+from layered_cbf_ros.node_parameters import NODE_PARAMETERS, check_parameters, parameter_names
+from layered_cbf_ros.patterns import Standing
+from layered_cbf_ros.scenario import Obstacle, Robot, Scenario, Wall
+from layered_cbf_ros.yaml_entry import suggestion
+
+BODY_RADIUS = 0.3  # a disc of this radius contains a standing A1 [m]
+RESERVED = ('ground',)
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something impossible.
+
+    Attributes:
+        path: Keys and indices of the field in the file.
+        what: What is wrong, continuing "<field> ...".
+        remedy: What to do about it.
+    """
+
+    path: tuple[str | int, ...]
+    what: str
+    remedy: str
+
+
+def problems(scenario: Scenario) -> Iterator[Problem]:
+    """Find everything that is impossible, in the order in which to tell it."""
+    yield from _names(scenario)
+    yield from _starts(scenario)
+    yield from _goals(scenario)
+    yield from _pushes(scenario)
+    yield from _overrides(scenario)
+
+
+def _names(scenario: Scenario) -> Iterator[Problem]:
+    seen: dict[str, str] = dict.fromkeys(RESERVED, 'a word of this package')
+    groups: dict[str, tuple[Robot | Obstacle | Wall, ...]] = {
+        'robots': scenario.robots,
+        'obstacles': scenario.obstacles,
+        'walls': scenario.walls,
+    }
+    for group, members in groups.items():
+        for k, member in enumerate(members):
+            if member.name in seen:
+                what = f"is '{member.name}', which is also {seen[member.name]}"
+                yield Problem((group, k, 'name'), what, 'give each thing a name of its own')
+            seen[member.name] = f'{group}[{k}]'
+
+
+def _starts(scenario: Scenario) -> Iterator[Problem]:
+    for i, robot in enumerate(scenario.robots):
+        path, where = ('robots', i, 'position'), f"puts '{robot.name}' "
+        for wall in scenario.walls:
+            room = _room(robot.position, wall)
+            if room < BODY_RADIUS:
+                what = f"{where}{room:.2f} m from wall '{wall.name}'"
+                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+        for obstacle in scenario.obstacles:
+            gap = math.dist(robot.position, obstacle.motion.at(0.0)[0]) - obstacle.radius
+            if gap < BODY_RADIUS:
+                what = f"{where}{gap:.2f} m from the surface of '{obstacle.name}' at the start"
+                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+        for other in scenario.robots[:i]:
+            apart = math.dist(robot.position, other.position)
+            if apart < 2.0 * BODY_RADIUS:
+                what = f"{where}{apart:.2f} m from '{other.name}'"
+                yield Problem(path, what, f'leave {2.0 * BODY_RADIUS} m between centres')
+
+
+def _goals(scenario: Scenario) -> Iterator[Problem]:
+    for i, robot in enumerate(scenario.robots):
+        goal = robot.desired.goal
+        if goal is None:
+            continue
+        path = ('robots', i, 'desired', 'goal')
+        for wall in scenario.walls:
+            if _room(goal, wall) < BODY_RADIUS:
+                what = f"lies {_room(goal, wall):.2f} m from wall '{wall.name}'"
+                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+        for obstacle in scenario.obstacles:
+            if not isinstance(obstacle.motion, Standing):
+                continue
+            gap = math.dist(goal, obstacle.motion.position) - obstacle.radius
+            if gap < BODY_RADIUS:
+                what = f"lies {gap:.2f} m from the surface of '{obstacle.name}', which stands there"
+                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+
+
+def _pushes(scenario: Scenario) -> Iterator[Problem]:
+    names = [robot.name for robot in scenario.robots]
+    for k, push in enumerate(scenario.world.pushes):
+        path = ('world', 'pushes', k, 'robot')
+        if push.robot not in names:
+            remedy = f'{suggestion(push.robot, names)}the robots are {", ".join(names)}'
+            yield Problem(path, f"is '{push.robot}', which isn't there", remedy)
+
+
+def _overrides(scenario: Scenario) -> Iterator[Problem]:
+    for node, values in scenario.parameters.items():
+        if node not in NODE_PARAMETERS:
+            remedy = f'{suggestion(node, NODE_PARAMETERS)}known are {", ".join(NODE_PARAMETERS)}'
+            yield Problem(('parameters', node), 'is an unknown node', remedy)
+            continue
+        known = parameter_names(node)
+        for name in values:
+            if name not in known:
+                remedy = f'{suggestion(name, known)}known here are {", ".join(known)}'
+                yield Problem(('parameters', node, name), 'is an unknown parameter', remedy)
+                return
+        try:
+            check_parameters(node, values)
+        except ParameterError as error:
+            name = next((name for name in values if f'.{name} ' in str(error)), '')
+            yield Problem(('parameters', node, name), f'is refused: {error}', 'mend the value')
+
+
+def _room(point: Point, wall: Wall) -> float:
+    """Return the distance of a point from a wall, negative inside [m]."""
+    (x, y), (px, py), (nx, ny) = point, wall.point, wall.normal
+    return (x - px) * nx + (y - py) * ny
