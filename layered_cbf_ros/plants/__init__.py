@@ -1,0 +1,1 @@
+"""What moves below the layers: a PyBullet world."""
