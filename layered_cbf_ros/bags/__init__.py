@@ -1,0 +1,1 @@
+"""Bags: recorded, read, judged and drawn, with or without ROS."""

@@ -1,0 +1,106 @@
+"""What a bag must contain before its figures prove anything."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from layered_cbf_ros.bags import measures
+from layered_cbf_ros.bags.run_record import (
+    CLEARANCE,
+    DIAGNOSTICS,
+    EFFORT,
+    OBSTACLES,
+    PLAN,
+    POSITION,
+    SCENARIO,
+    STATE,
+    RunRecord,
+)
+from layered_cbf_ros.scenario import Scenario
+
+LONGEST_GAP = 0.1
+"""Longest time without a message of a topic that proves something [s]."""
+
+ROBOT_NODES = ('ground_force_mpc', 'whole_body_controller')
+
+
+def missing_evidence(record: RunRecord) -> list[str]:
+    """Return, in sentences, what the bag lacks; nothing if it is complete."""
+    reasons = []
+    if record.truncated:
+        reasons.append('the bag is cut off: what happened after its end is not known')
+    for topic, count in record.unreadable.items():
+        reasons.append(f'{count} messages of {topic} cannot be decoded')
+    if record.scenario is None:
+        reasons.append(f'no {SCENARIO}: what was run, and which goals, is not known')
+    else:
+        reasons += _missing_bodies(record, record.scenario)
+        reasons += _missing_nodes(record, record.scenario)
+    return reasons + _doubtful_state(record) + _missing_topics(record)
+
+
+def _missing_topics(record: RunRecord) -> list[str]:
+    """Check that what is measured was recorded all the time."""
+    needed = {PLAN: (record.plan, 'the plan error'), CLEARANCE: (record.clearance, 'no contact')}
+    reasons = []
+    for topic, (series, what) in needed.items():
+        if series is None:
+            reasons.append(f'no {topic}: {what} is not proven')
+        elif record.state is not None:
+            last_ns = int(record.state.stamps_ns[-1])
+            gap = measures.longest_gap(series, record.start_ns, last_ns)
+            if gap > LONGEST_GAP:
+                reasons.append(f'{topic} is silent for {gap:.2f} s: {what} is not proven')
+    return reasons
+
+
+def _doubtful_state(record: RunRecord) -> list[str]:
+    state = record.state
+    if state is None:
+        return [f'no {STATE}: nothing is proven']
+    reasons = []
+    if not np.isfinite(state.values).all():
+        reasons.append(f'{STATE} has values that are not finite')
+    if state.contradictions:
+        reasons.append(f'{STATE} has {state.contradictions} stamps with two different states')
+    missing = measures.missing_states(state)
+    if missing:
+        reasons.append(f'{missing} messages of {STATE} are missing')
+    return reasons
+
+
+def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
+    """Check that every body and every pair of bodies was recorded."""
+    robots = [robot.name for robot in scenario.robots]
+    reasons = [f'{STATE} has no robot {name}' for name in robots if name not in record.motions]
+    expected = len(scenario.obstacles)
+    found = 0 if record.obstacles is None else record.obstacles.positions.shape[1]
+    if expected != found:
+        reasons.append(f'{OBSTACLES} has {found} obstacles, the scenario {expected}')
+    if record.clearance is None:
+        return reasons
+    others = [obstacle.name for obstacle in scenario.obstacles]
+    others += [*(wall.name for wall in scenario.walls), 'ground']
+    pairs = [f'{a}~{b}' for a, b in itertools.combinations(robots, 2)]
+    pairs += [f'{robot}~{other}' for robot in robots for other in others]
+    for pair in pairs:
+        if pair not in record.clearance.names:
+            reasons.append(f'{CLEARANCE} has no pair {pair}')
+            continue
+        column = record.clearance.names.index(pair)
+        if np.isnan(record.clearance.values[:, (POSITION, EFFORT), column]).any():
+            reasons.append(f'{CLEARANCE} does not always tell {pair}')
+    return reasons
+
+
+def _missing_nodes(record: RunRecord, scenario: Scenario) -> list[str]:
+    """Check that every controller told how its solver fared."""
+    nodes = ['/coordinator']
+    nodes += [f'/{robot.name}/{node}' for robot in scenario.robots for node in ROBOT_NODES]
+    return [
+        f'no {DIAGNOSTICS} of {node}: its solver failures are not known'
+        for node in nodes
+        if node not in record.counters
+    ]
