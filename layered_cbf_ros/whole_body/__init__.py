@@ -1,0 +1,1 @@
+"""The bottom layer: joint torques by virtual constraints (paper III-F)."""
