@@ -58,7 +58,6 @@ class TimingParameters:
         """Return the period of detections [ns]."""
         return NS_PER_S // self.detection_rate
 
-
     @property
     def detection_delay_periods(self) -> int:
         """Return the age of sent detections in their periods."""

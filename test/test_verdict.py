@@ -51,12 +51,12 @@ def test_an_uneventful_walk_passes_with_the_figures_it_was_made_of(walk):
     assert verdict.max_torque_nm == COARSE.torque
     assert verdict.min_clearance_m == COARSE.clearance
     assert (verdict.max_roll_deg, verdict.max_pitch_deg) == (0.0, 0.0)
-    assert (verdict.falls, verdict.contacts) == ((), ())
+    assert (verdict.falls, verdict.contacts) == (0, 0)
     run = SyntheticRun(COARSE)
     base_ahead = run.configuration(0, 0.0)[0] - run.com(0, 0.0)[0]
     expected = (GOAL_X - TOLERANCE - base_ahead) / SPEED
-    assert verdict.all_goals_reached_s == pytest.approx(expected, abs=PERIOD)
-    assert set(verdict.goal_reached_s) == {'a1_0', 'a1_1'}
+    assert verdict.goal_reached_s == pytest.approx(expected, abs=PERIOD)
+    assert set(verdict.goals_reached_s) == {'a1_0', 'a1_1'}
 
 
 def test_smallest_distance_is_that_of_the_worst_margin(walk):
@@ -83,7 +83,7 @@ def test_wall_time_may_be_given(walk):
 
 def test_a_fall_is_seen_when_it_happens(judged):
     verdict = judged(fall_at=0.4)
-    (fall,) = verdict.falls
+    (fall,) = verdict.fall_events
     assert (fall.robot, fall.time_s) == ('a1_0', pytest.approx(0.4, abs=PERIOD))
     assert verdict.max_roll_deg == pytest.approx(math.degrees(1.2), abs=1e-9)
     assert not verdict.passed
@@ -91,14 +91,14 @@ def test_a_fall_is_seen_when_it_happens(judged):
 
 
 def test_a_body_part_on_the_ground_is_a_fall(judged):
-    (fall,) = judged(scrape_at=0.8).falls
+    (fall,) = judged(scrape_at=0.8).fall_events
     assert (fall.robot, fall.time_s) == ('a1_0', pytest.approx(0.8, abs=10 * PERIOD))
     assert 'ground' in fall.reason
 
 
 def test_a_contact_is_told_with_its_pair_time_and_force(judged):
     verdict = judged(touch_at=1.2)
-    (contact,) = verdict.contacts
+    (contact,) = verdict.contact_events
     assert (contact.pair, contact.force_n) == ('a1_0~obstacle_1', 40.0)
     assert contact.time_s == pytest.approx(1.2, abs=10 * PERIOD)
     assert not verdict.passed
@@ -111,8 +111,8 @@ def test_bodies_inside_each_other_do_not_pass(judged):
 
 def test_a_missed_goal_does_not_pass(judged):
     verdict = judged(walks=False)
-    assert verdict.goal_reached_s == {'a1_0': None, 'a1_1': None}
-    assert verdict.all_goals_reached_s is None
+    assert verdict.goals_reached_s == {'a1_0': None, 'a1_1': None}
+    assert verdict.goal_reached_s is None
     assert not verdict.passed
 
 

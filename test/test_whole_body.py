@@ -14,6 +14,7 @@ import pytest
 from layered_cbf_ros.interfaces import GroundForcePlan, PlannedMotion, RobotState
 from layered_cbf_ros.parameters import from_file
 from layered_cbf_ros.robot_model import GRAVITY, RobotModel, find_urdf
+from layered_cbf_ros.rounding import rounded
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 from layered_cbf_ros.whole_body.swing_curve import SwingCurve
 from layered_cbf_ros.whole_body.torque_qp import TorqueQp
@@ -27,7 +28,6 @@ from layered_cbf_ros.whole_body.whole_body_controller import (
     WholeBodyController,
     damping_torques,
     follow_plan,
-    rounded,
 )
 
 PARAMETERS = WholeBodyParameters()

@@ -33,8 +33,8 @@ class RunFigures:
     """Figures of a run; None is what the bag doesn't tell.
 
     Attributes:
-        goal_reached_s: When each robot with a goal first reached it [s].
-        all_goals_reached_s: When the last did [s]; None unless all did.
+        goals_reached_s: When each robot with a goal first reached it [s].
+        goal_reached_s: When the last did [s]; None unless all did.
         min_distance_m: Smallest distance between centres, of the pair with the
             least margin over promised_distance_m.
         promised_distance_m: Sum of that pair's radii.
@@ -51,8 +51,8 @@ class RunFigures:
     sim_time_s: float | None
     wall_time_s: float
     real_time_factor: float | None
-    goal_reached_s: dict[str, float | None]
-    all_goals_reached_s: float | None
+    goals_reached_s: dict[str, float | None]
+    goal_reached_s: float | None
     min_distance_m: float | None
     min_distance_pair: str | None
     promised_distance_m: float | None
@@ -62,8 +62,10 @@ class RunFigures:
     max_roll_deg: float | None
     max_pitch_deg: float | None
     max_torque_nm: float | None
-    falls: tuple[Fall, ...]
-    contacts: tuple[Contact, ...]
+    falls: int
+    contacts: int
+    fall_events: tuple[Fall, ...]
+    contact_events: tuple[Contact, ...]
     solver_failures: int
     slack_events: int
     deadline_misses: int
@@ -94,11 +96,13 @@ def compare(run: RunFigures, limits: Limits, goal_tolerance: float) -> list[Chec
     """
     promised = run.promised_distance_m
     distance = None if promised is None else promised - limits.distance_slip
-    falls = [f'{fall.robot} at {fall.time_s:.2f} s ({fall.reason})' for fall in run.falls]
-    touches = [f'{hit.pair} at {hit.time_s:.2f} s, {hit.force_n:.0f} N' for hit in run.contacts]
+    falls = [f'{fall.robot} at {fall.time_s:.2f} s ({fall.reason})' for fall in run.fall_events]
+    touches = [
+        f'{hit.pair} at {hit.time_s:.2f} s, {hit.force_n:.0f} N' for hit in run.contact_events
+    ]
     goals = [
         Check(f'{name} at goal', _text(t, 's', 2), f'within {goal_tolerance:g} m', t is not None)
-        for name, t in run.goal_reached_s.items()
+        for name, t in run.goals_reached_s.items()
     ]
     return [
         Check('scenario', run.scenario or '-'),

@@ -87,7 +87,7 @@ def draw_distances(record: RunRecord) -> Figure | None:
 
 
 def draw_barriers(record: RunRecord) -> Figure | None:
-    """Draw psi0 and psi1 of each pair, paper eq. (10): the safe set is psi0, psi1 >= 0."""
+    """Draw psi0 and psi1 of each pair, paper eq. (16): the safe set is psi0, psi1 >= 0."""
     barriers = record.barriers
     if barriers is None:
         return None

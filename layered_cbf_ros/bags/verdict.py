@@ -89,6 +89,7 @@ def measure(record: RunRecord, wall_time_s: float | None = None) -> RunFigures:
     nearest = min(pair_distances(record), key=lambda pair: pair.margin, default=None)
     clearance = measures.smallest_clearance(record)
     roll, pitch, torque = _extremes(record)
+    falls, contacts = measures.find_falls(record), measures.find_contacts(record)
     return RunFigures(
         bag=str(record.path),
         scenario=None if scenario is None else scenario.name,
@@ -96,8 +97,8 @@ def measure(record: RunRecord, wall_time_s: float | None = None) -> RunFigures:
         sim_time_s=sim,
         wall_time_s=wall,
         real_time_factor=sim / wall if sim is not None and wall > 0.0 else None,
-        goal_reached_s=goals,
-        all_goals_reached_s=max(reached) if reached and len(reached) == len(goals) else None,
+        goals_reached_s=goals,
+        goal_reached_s=max(reached) if reached and len(reached) == len(goals) else None,
         min_distance_m=None if nearest is None else nearest.smallest,
         min_distance_pair=None if nearest is None else nearest.label,
         promised_distance_m=None if nearest is None else nearest.promised,
@@ -107,8 +108,10 @@ def measure(record: RunRecord, wall_time_s: float | None = None) -> RunFigures:
         max_roll_deg=roll,
         max_pitch_deg=pitch,
         max_torque_nm=torque,
-        falls=measures.find_falls(record),
-        contacts=measures.find_contacts(record),
+        falls=len(falls),
+        contacts=len(contacts),
+        fall_events=falls,
+        contact_events=contacts,
         solver_failures=_total(record, 'solver_failures'),
         slack_events=_total(record, 'slack_events'),
         deadline_misses=_total(record, 'deadline_misses'),

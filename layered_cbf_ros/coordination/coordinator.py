@@ -31,6 +31,7 @@ from layered_cbf_ros.coordination.planner_qp import (
 )
 from layered_cbf_ros.coordination.tracked_bodies import bodies_at, heeded_tracks
 from layered_cbf_ros.interfaces import NS_PER_S, Array, Track
+from layered_cbf_ros.rounding import rounded
 from layered_cbf_ros.scenario import Robot, Wall
 
 
@@ -167,7 +168,7 @@ class Coordinator:
         problem = self._problems[bodies]
         solution = problem.solve(u_desired.reshape(-1), coefficients, bound, *limits)
         brake = braking_input(state.velocities, p.brake_time, p.acceleration_limit)
-        return chosen_input(solution, brake), solution
+        return rounded(chosen_input(solution, brake), p.input_resolution), solution
 
     def _problem(self, bodies: int) -> PlannerQp:
         """Return the workspace for a number of bodies."""

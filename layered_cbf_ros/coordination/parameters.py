@@ -60,6 +60,7 @@ class CoordinatorParameters:
     keep_right_range: float = parameter(
         3.0, 'Distance from which on somebody ahead counts.', 'm', 0.0, 20.0
     )
+    input_resolution: float = parameter(1e-6, 'Inputs are rounded to this.', 'm/s^2', 1e-12, 1e-2)
     solver_accuracy: float = parameter(
         1e-6, 'Absolute accuracy and duality gap of the QP.', '', 1e-12, 1e-2
     )

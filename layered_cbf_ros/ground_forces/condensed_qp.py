@@ -1,4 +1,4 @@
-"""The MPC of paper eq. (15) as a small dense QP in the forces of the feet that stand.
+"""The MPC of paper eq. (23) as a small dense QP in the forces of the feet that stand.
 
 The states are eliminated through the dynamics, and so are the forces of swing
 feet: their columns are dropped, not pinned to zero. What is left is
@@ -95,7 +95,7 @@ class CondensedQp:
     def condense(
         self, model: AffineModel, eta: Array, desired: Array, in_stance: NDArray[np.bool_]
     ) -> Cost:
-        """Write the cost of paper eq. (15) in the forces of standing feet.
+        """Write the cost of paper eq. (23) in the forces of standing feet.
 
         The states are X = free + G x, with G's block (k, j) = C^(k-j) D for j <= k,
         and free_k = eta + sum_{j<=k} C^j (C eta + eps - eta) without forces, so that

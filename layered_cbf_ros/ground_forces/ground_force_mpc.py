@@ -21,6 +21,7 @@ from layered_cbf_ros.ground_forces.single_rigid_body import (
     log_rotation,
 )
 from layered_cbf_ros.interfaces import NS_PER_S, Array, GroundForcePlan, PlannedMotion
+from layered_cbf_ros.rounding import rounded
 
 
 class MpcStatus(enum.Enum):
@@ -248,4 +249,4 @@ class GroundForceMpc:
         forces = np.zeros((4, 3))
         standing = in_stance.nonzero()[0]
         forces[standing] = solution.forces[: 3 * len(standing)].reshape(-1, 3)
-        return forces
+        return rounded(forces, self._parameters.force_resolution)

@@ -1,4 +1,4 @@
-"""The robot as one rigid body that its feet push: paper eq. (13) and its linearisation.
+"""The robot as one rigid body that its feet push: paper eq. (22) and its linearisation.
 
 The state is charted around an operating orientation R_op (paper section III-E):
 eta = col(c, v, xi, w), shape (12,), with the CoM position c [m] and velocity v
@@ -99,7 +99,7 @@ def log_rotation(rotation: Array) -> Array:
 def derivative(
     body: RigidBody, operating_rotation: Array, eta: Array, feet: Array, forces: Array
 ) -> Array:
-    """Return d(eta)/dt of the nonlinear body, paper eq. (13), in the chart of R_op.
+    """Return d(eta)/dt of the nonlinear body, paper eq. (22), in the chart of R_op.
 
     c' = v,  v' = sum f / m - g,  xi' = J(xi) w,
     w' = I^-1 (R^T sum (p - c) x f - w x I w),

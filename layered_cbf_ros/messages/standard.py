@@ -53,8 +53,8 @@ def named_values(
 ) -> JointState:
     """Return named values as a JointState; what is not given is zero.
 
-    All three sequences are filled: an empty last one is serialised with garbage
-    behind it that strict readers refuse.
+    All three sequences are filled: behind an empty one rclpy leaves garbage that
+    strict readers refuse.
     """
     zeros = np.zeros(len(names))
     fields = [zeros if values is None else values for values in (position, velocity, effort)]
@@ -172,17 +172,23 @@ def series(
     Args:
         names: Name of each value.
         stamps_ns: Time of each tick; the first is the message's stamp [ns].
-        values: Per tick up to four arrays, one value a name, which become
-            positions, velocities, accelerations and effort.
+        values: Per tick up to four arrays, one value a name, which become positions,
+            velocities, accelerations and effort; the rest is zero.
     """
     message = JointTrajectory(header=header(stamps_ns[0]), joint_names=list(names))
-    fields = ('positions', 'velocities', 'accelerations', 'effort')
+    zeros = np.zeros(len(names))
     for stamp_ns, arrays in zip(stamps_ns, values, strict=True):
         seconds, nanoseconds = divmod(stamp_ns - stamps_ns[0], NS_PER_S)
-        point = JointTrajectoryPoint(time_from_start=Duration(sec=seconds, nanosec=nanoseconds))
-        for field, entries in zip(fields, arrays, strict=False):
-            setattr(point, field, array('d', entries.tolist()))
-        message.points.append(point)
+        filled = [array('d', entries.tolist()) for entries in (*arrays, *[zeros] * 4)[:4]]
+        message.points.append(
+            JointTrajectoryPoint(
+                positions=filled[0],
+                velocities=filled[1],
+                accelerations=filled[2],
+                effort=filled[3],
+                time_from_start=Duration(sec=seconds, nanosec=nanoseconds),
+            )
+        )
     return message
 
 

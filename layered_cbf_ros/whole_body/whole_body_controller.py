@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from layered_cbf_ros.interfaces import NS_PER_S, Array, GroundForcePlan, PlannedMotion, RobotState
 from layered_cbf_ros.robot_model import GRAVITY, RobotModel
+from layered_cbf_ros.rounding import rounded
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 from layered_cbf_ros.whole_body.swing_curve import SwingCurve
 from layered_cbf_ros.whole_body.torque_qp import TorqueQp
@@ -163,19 +164,6 @@ def follow_plan(
         np.where(swinging, phase, 0.0),
         np.where(swinging, source.swing_rate, 0.0),
     )
-
-
-def rounded(torques: Array, resolution: float) -> Array:
-    """Return torques free of the solver's rounding noise, so that runs repeat to the bit.
-
-    The solver adds up in an order that depends on where its memory lies: the same
-    problem has solutions that differ by 1e-12 Nm between two solvers.
-
-    Args:
-        torques: [Nm].
-        resolution: What they become multiples of [Nm].
-    """
-    return resolution * np.rint(torques / resolution)
 
 
 def damping_torques(joint_velocity: Array, damping: float, limit: float) -> Array:

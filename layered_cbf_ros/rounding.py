@@ -1,0 +1,16 @@
+"""Solutions free of their solver's last bits, so that runs repeat to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from layered_cbf_ros.interfaces import Array
+
+
+def rounded(values: Array, resolution: float) -> Array:
+    """Return values as multiples of a resolution, of the same unit.
+
+    A solver adds up in an order that depends on where its memory lies: two solvers
+    of the same problem may differ by 1e-12.
+    """
+    return resolution * np.rint(values / resolution)
