@@ -131,6 +131,21 @@ class World:
 
 
 @dataclass(frozen=True)
+class Rates:
+    """How often the graph computes, counted in the plant's time [Hz].
+
+    Attributes:
+        state: States, joint commands and the coordinator's ticks.
+        plan: Safe trajectories and ground forces.
+        detections: Obstacle detections and tracks.
+    """
+
+    state: int = 1000
+    plan: int = 500
+    detections: int = 100
+
+
+@dataclass(frozen=True)
 class Scenario:
     """One run, whole.
 
@@ -144,6 +159,7 @@ class Scenario:
         goal_tolerance: Distance at which a goal counts as reached [m].
         robots, obstacles, walls: Who is there.
         world: The ground and the disturbances.
+        rates: How often the graph computes.
         parameters: Node parameters that differ from params/*.yaml, by node.
     """
 
@@ -158,4 +174,5 @@ class Scenario:
     obstacles: tuple[Obstacle, ...] = ()
     walls: tuple[Wall, ...] = ()
     world: World = field(default_factory=World)
+    rates: Rates = field(default_factory=Rates)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)

@@ -14,7 +14,7 @@ from typing import Any
 from layered_cbf_ros.errors import ScenarioError
 from layered_cbf_ros.patterns import Pattern
 from layered_cbf_ros.resources import find_folder
-from layered_cbf_ros.scenario import Desired, Scenario, World
+from layered_cbf_ros.scenario import Desired, Rates, Scenario, World
 from layered_cbf_ros.scenario_checks import problems
 from layered_cbf_ros.scenario_parts import (
     PATTERNS,
@@ -23,6 +23,7 @@ from layered_cbf_ros.scenario_parts import (
     list_of,
     read_obstacle,
     read_parameters,
+    read_rates,
     read_robot,
     read_run_settings,
     read_wall,
@@ -104,7 +105,7 @@ def _parse(text: str, source: str, name: str) -> Scenario:
         ('description', 'duration', 'robots'),
         (
             *('name', 'seed', 'time', 'plant', 'goal_tolerance'),
-            *('obstacles', 'walls', 'world', 'parameters'),
+            *('obstacles', 'walls', 'world', 'rates', 'parameters'),
         ),
     )
     settings: dict[str, Any] = {
@@ -121,6 +122,7 @@ def _parse(text: str, source: str, name: str) -> Scenario:
         obstacles=tuple(read_obstacle(entry) for entry in list_of(entries, 'obstacles')),
         walls=tuple(read_wall(entry) for entry in list_of(entries, 'walls')),
         world=read_world(entries['world']) if 'world' in entries else World(),
+        rates=read_rates(entries['rates']) if 'rates' in entries else Rates(),
         parameters=read_parameters(entries['parameters']) if 'parameters' in entries else {},
         **settings,
     )

@@ -11,6 +11,7 @@ from layered_cbf_ros.scenario import (
     Detections,
     Obstacle,
     Push,
+    Rates,
     Robot,
     VelocityStep,
     Wall,
@@ -21,6 +22,7 @@ from layered_cbf_ros.yaml_entry import Entry
 TIMES = ('lockstep', 'real_time')
 PLANTS = ('bullet',)
 GAITS = ('trot', 'stand')
+STATE_RATES = (1000, 500, 250)  # whole steps of the simulator's 1 ms
 FRAMES = ('body', 'world')
 MAX_SEED = 2**32 - 1
 PATTERNS: dict[str, type] = {
@@ -180,6 +182,23 @@ def _detections(entry: Entry) -> Detections:
         delay=_number(entries, 'delay', 0.0, 0.0, 1.0, '[s]'),
         dropout=_number(entries, 'dropout', 0.0, 0.0, 1.0),
     )
+
+
+def read_rates(entry: Entry) -> Rates:
+    """Read the rates; each must fit the one above a whole number of times."""
+    entries = entry.mapping((), ('state', 'plan', 'detections'))
+    state = entries['state'].whole(1, 1000) if 'state' in entries else 1000
+    if state not in STATE_RATES:
+        entries['state'].refuse(f'give one of {", ".join(map(str, STATE_RATES))} Hz')
+    rates = Rates(state, min(state, Rates.plan))
+    plan = entries['plan'].whole(50, state) if 'plan' in entries else rates.plan
+    detections = entries['detections'].whole(1, state) if 'detections' in entries else 100
+    for name, value in (('plan', plan), ('detections', detections)):
+        if state % value and name in entries:
+            entries[name].refuse(f'give a divisor of the state rate, {state} Hz')
+    if state % detections:
+        entry.refuse(f'give detections as a divisor of the state rate, {state} Hz')
+    return Rates(state, plan, detections)
 
 
 def read_parameters(entry: Entry) -> dict[str, dict[str, Any]]:

@@ -7,13 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from layered_cbf_ros import resources
 from layered_cbf_ros import scenario as scenario_module
 from layered_cbf_ros.errors import LayeredCbfError, ScenarioError
-from layered_cbf_ros.node_parameters import NODE_PARAMETERS, check_parameters
-from layered_cbf_ros.parameters import from_mapping
 from layered_cbf_ros.patterns import Circle, Line, Standing, Waypoints
 from layered_cbf_ros.scenario import Push, VelocityStep
 from layered_cbf_ros.scenario_file import from_json, load_scenario, to_json, with_overrides
@@ -114,18 +111,6 @@ def test_robots_that_follow_a_pattern_start_on_it(name):
             np.testing.assert_allclose(start, robot.position, atol=1e-4)
 
 
-@pytest.mark.parametrize('node', NODE_PARAMETERS)
-def test_parameter_files_say_what_the_dataclasses_say(node):
-    """Every value of a node is in its file, and is the default."""
-    path = PARAMS / f'{node}.yaml'
-    values = yaml.safe_load(path.read_text())[node]['ros__parameters']
-    check_parameters(node, values)
-    own = NODE_PARAMETERS[node][0]
-    names = {field.name for field in dataclasses.fields(own)}
-    assert names <= values.keys()
-    assert from_mapping(own, {name: values[name] for name in names}) == own()
-
-
 def test_a_wall_normal_of_any_length_is_made_a_unit_vector(tmp_path):
     path = tmp_path / 'mine.yaml'
     path.write_text(GOOD.replace('normal: [0.0, -1.0]', 'normal: [3.0, -4.0]'))
@@ -148,6 +133,9 @@ MISTAKES = [
     ('duration: 20.0', 'duration:', 3, 'is empty; give a number'),
     ('time: lockstep', 'time: lock_step', 4, "did you mean 'lockstep'?"),
     ('time: lockstep', 'plant: gazebo', 4, 'choose one of bullet'),
+    ('time: lockstep', 'rates: {state: 300}', 4, 'give one of 1000, 500, 250 Hz'),
+    ('time: lockstep', 'rates: {plan: 300}', 4, 'a divisor of the state rate, 1000 Hz'),
+    ('time: lockstep', 'rates: {stats: 500}', 4, "did you mean 'state'?"),
     ('gait: trot', 'gait: gallop', 8, "robots[0].gait is 'gallop'; choose one of trot, stand"),
     ('gait: trot', 'gait: stand', 8, 'gait'),
     ('gait: trot', 'payload: -9', 8, 'keep it in [-4, 20] [kg]'),
