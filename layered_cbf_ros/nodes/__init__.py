@@ -1,0 +1,1 @@
+"""One thin file per executable; the only room that imports rclpy."""

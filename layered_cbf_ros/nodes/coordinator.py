@@ -1,0 +1,120 @@
+"""coordinator: the top layer; on states and tracks, one safe motion for every robot."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+
+from layered_cbf_ros.coordination.coordinator import Coordinator
+from layered_cbf_ros.coordination.exchange import CoordinationInputs, CoordinationResult
+from layered_cbf_ros.coordination.parameters import CoordinatorParameters
+from layered_cbf_ros.errors import ParameterError
+from layered_cbf_ros.interfaces import RobotState, Track
+from layered_cbf_ros.messages.robot_state import StateReader
+from layered_cbf_ros.messages.standard import named_values, series
+from layered_cbf_ros.messages.trajectory import TrajectoryWriter
+from layered_cbf_ros.nodes.declaring import declare
+from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.nodes.track_input import TrackInput
+from layered_cbf_ros.robot_model import RobotModel, has_fallen
+from layered_cbf_ros.scenario_file import load_scenario
+
+BATCH = 20  # ticks told in one message: full rate at 50 messages a second
+
+BALL = ('q_x', 'q_y', 'r')
+
+
+class CoordinatorNode(GraphNode):
+    """Wires states and tracks to the coordinator, and its plan to all robots."""
+
+    def __init__(self) -> None:
+        super().__init__('coordinator')
+        self._scenario = scenario = load_scenario(self.declare_parameter('scenario', '').value)
+        self._names = [robot.name for robot in scenario.robots]
+        parameters = declare(self, CoordinatorParameters)
+        if parameters.rate != self.timing.state_rate:
+            raise ParameterError(
+                f'coordinator.rate is {parameters.rate}; it plans on every state: '
+                f'give state_rate, {self.timing.state_rate}'
+            )
+        self._coordinator = Coordinator(parameters, scenario.robots, scenario.walls)
+        self._model = RobotModel()
+        self._states = [StateReader(name) for name in self._names]
+        self._tracks = TrackInput(self, scenario) if scenario.obstacles else None
+        self._plan = self.writer(MultiDOFJointTrajectory, '/safe_trajectory', 2 * len(self._names))
+        self._encoder = TrajectoryWriter(self._names)
+        self._barriers = self.writer(JointTrajectory, '/coordinator/barriers', 0)
+        self._intervention = self.writer(JointTrajectory, '/coordinator/intervention', 0)
+        self._balls = self.writer(JointState, '/coordinator/balls', 0)
+        self._batch: list[CoordinationResult] = []
+
+    def run(self) -> None:
+        """Plan on every state."""
+        memory = None
+        for data in self.ticks(self.timing.tick_ns):
+            states = [self.accept(reader.read, data) for reader in self._states]
+            known = [state for state in states if state is not None]
+            if not known:
+                continue
+            stamp_ns = known[0].stamp_ns
+            memory = memory or self._coordinator.start(stamp_ns)
+            tracks = self._tracks.at(stamp_ns) if self._tracks is not None else ()
+            begun_ns = time.perf_counter_ns()
+            result = self._coordinator.step(memory, self._inputs(stamp_ns, states, tracks))
+            memory = result.state
+            if stamp_ns % self.timing.plan_ns == 0 or not self.lockstep:
+                self._plan.publish(self._encoder.encode(stamp_ns, result.motions))
+            self._count(result, time.perf_counter_ns() - begun_ns)
+            self._tell(result)
+
+    def _inputs(
+        self, stamp_ns: int, states: list[RobotState | None], tracks: tuple[Track, ...]
+    ) -> CoordinationInputs:
+        """Return what the coordinator needs: CoM of every robot whose state is known."""
+        positions, velocities = (np.full((len(states), 2), np.nan) for _ in range(2))
+        fallen = np.zeros(len(states), dtype=bool)
+        for i, state in enumerate(states):
+            if state is not None:
+                self._model.update_kinematics(state.configuration, state.velocity)
+                positions[i] = self._model.com[:2]
+                velocities[i] = self._model.com_velocity[:2]
+                fallen[i] = has_fallen(state.configuration)
+        commands = (None,) * len(states)
+        return CoordinationInputs(stamp_ns, positions, velocities, fallen, tracks, commands)
+
+    def _count(self, result: CoordinationResult, solve_ns: int) -> None:
+        self.statistics.solver_failures += result.solver_failed
+        self.statistics.slack_events += result.slack_event
+        self.statistics.rejected += result.rejected
+        self.statistics.tick(solve_ns)
+
+    def _tell(self, result: CoordinationResult) -> None:
+        """Publish the barriers, in batches of ticks with the same pairs."""
+        if self._batch and self._batch[0].labels != result.labels:
+            self._publish_batch()
+        self._batch.append(result)
+        if len(self._batch) == BATCH:
+            self._publish_batch()
+
+    def _publish_batch(self) -> None:
+        batch, self._batch = self._batch, []
+        last = batch[-1]
+        stamps = [result.motions[0].stamp_ns for result in batch]
+        changes = [(np.hypot(*(r.u - r.u_desired).T),) for r in batch]
+        self._intervention.publish(serialize_message(series(self._names, stamps, changes)))
+        if last.labels:
+            rows = [(r.psi0, r.psi1, r.psi2, r.slack) for r in batch]
+            self._barriers.publish(serialize_message(series(last.labels, stamps, rows)))
+        if last.ball_labels:
+            names = [f'{label}/{axis}' for label in last.ball_labels for axis in BALL]
+            values = np.column_stack((last.q, last.r)).ravel()
+            self._balls.publish(serialize_message(named_values(stamps[-1], names, values)))
+
+
+def main() -> None:
+    """Run the node."""
+    run_node(CoordinatorNode)

@@ -1,0 +1,317 @@
+"""What every node of the graph does: be ready, tick on states, fetch inputs, tell its health."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from layered_cbf_ros.errors import GraphError, LayeredCbfError, MessageError
+from layered_cbf_ros.loop_statistics import LoopStatistics
+from layered_cbf_ros.messages.cdr import stamp_of
+from layered_cbf_ros.nodes.declaring import declare
+from layered_cbf_ros.nodes.transport import RESEND_DEPTH, Reader, Writer, latched
+from layered_cbf_ros.timing import LOCKSTEP, Inbox, InputRule, InputRules, TimingParameters
+
+T = TypeVar('T')
+SLICE_S = 0.05  # longest uninterrupted wait: how fast signals and services are answered
+SERVICE_PERIOD_NS = 100_000_000
+DIAGNOSTIC_PERIOD_NS = 1_000_000_000
+DELIVERY_S = 0.5
+EXIT_ERROR, EXIT_MISSING = 2, 3
+
+
+class StopRequestedError(Exception):
+    """The node was asked to end."""
+
+
+class MissingInputError(GraphError):
+    """An input that a lockstep tick needs did not come in time."""
+
+
+class Input(Generic[T]):
+    """One input besides the state: fetched by the timing rule, decoded, refused if bad."""
+
+    def __init__(
+        self,
+        node: GraphNode,
+        reader: Reader,
+        rule: InputRule,
+        decode: Callable[[bytes], T],
+        sender: str,
+        poll_ns: int = 0,
+    ) -> None:
+        self._node = node
+        self._reader = reader
+        self._rule = rule
+        self._decode = decode
+        self._sender = sender
+        self._poll_ns = poll_ns
+        self._inbox = Inbox()
+        self._decoded: tuple[bytes | None, T | None] = (None, None)
+
+    def at(self, tick_ns: int) -> T | None:
+        """Return the input that a tick uses, None if there is none (yet, or any more)."""
+        if self._node.lockstep:
+            wanted = self._rule.wanted(tick_ns)
+            data = None if wanted is None else self._wait_for(wanted)
+        else:
+            data = self._newest(tick_ns)
+        if data is not self._decoded[0]:
+            value = None if data is None else self._node.accept(self._decode, data)
+            self._decoded = (data, value)
+        return self._decoded[1]
+
+    def _offer(self, data: bytes) -> None:
+        self._node.accept(self._inbox.offer, data)
+
+    def _wait_for(self, stamp_ns: int) -> bytes:
+        found = self._inbox.exactly(stamp_ns)
+        give_up_ns = time.monotonic_ns() + round(self._node.timing.patience * 1e9)
+        while found is None:
+            data = self._reader.poll(self._poll_ns)
+            if data is None:
+                self._node.wait(self._reader, give_up_ns, self._sender)
+                continue
+            self._offer(data)
+            found = self._inbox.exactly(stamp_ns)
+        return found
+
+    def _newest(self, tick_ns: int) -> bytes | None:
+        while (data := self._reader.take()) is not None:
+            self._offer(data)
+        return self._node.accept(
+            lambda tick: self._inbox.newest(tick, self._rule.age_limit_ns), tick_ns
+        )
+
+
+A = TypeVar('A')
+
+
+class GraphNode(Node):
+    """Base of the nodes that tick on states."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.timing = declare(self, TimingParameters)
+        self.rules = InputRules(self.timing)
+        self.lockstep = self.timing.time == LOCKSTEP
+        self.recorded = bool(self.declare_parameter('recorded', False).value)
+        self.state_topic = str(self.declare_parameter('state_topic', '/state').value)
+        self.stop_requested = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._request_stop)
+        self.statistics = LoopStatistics()
+        self.readers: list[Reader] = []
+        self.writers: list[Writer] = []
+        self._ready = self.create_publisher(String, '/ready', latched())
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        self._next_service_ns = self._next_diagnostic_ns = 0
+
+    def reader(self, message_type: type, topic: str) -> Reader:
+        """Subscribe to a topic of the control path."""
+        self.readers.append(Reader(self, message_type, topic))
+        return self.readers[-1]
+
+    def writer(
+        self, message_type: type, topic: str, expected_readers: int = 1, kept: int = RESEND_DEPTH
+    ) -> Writer:
+        """Publish a topic of the control path, to at least so many readers.
+
+        Args:
+            message_type, topic: What.
+            expected_readers: How many there must be in lockstep, but for the recorder.
+            kept: How many messages can be sent again.
+        """
+        expected = expected_readers + self.recorded
+        self.writers.append(Writer(self, message_type, topic, expected, kept))
+        return self.writers[-1]
+
+    def input(
+        self,
+        message_type: type,
+        topic: str,
+        rule: InputRule,
+        decode: Callable[[bytes], T],
+        sender: str,
+        poll_ns: int = 0,
+    ) -> Input[T]:
+        """Subscribe to an input.
+
+        Args:
+            message_type, topic: What.
+            rule: How old it is when it is used.
+            decode: Returns the core type, or raises MessageError.
+            sender: Whom to name if it does not come.
+            poll_ns: How long to take by polling before blocking [ns].
+        """
+        reader = self.reader(message_type, topic)
+        return Input(self, reader, rule, decode, sender, poll_ns)
+
+    def accept(self, decode: Callable[[A], T], data: A) -> T | None:
+        """Return the decoded message, or count and name it if it is refused."""
+        try:
+            return decode(data)
+        except MessageError as error:
+            self.statistics.reject(str(error))
+            return None
+
+    def become_ready(self) -> None:
+        """Wait, in lockstep, until every topic has its partners; then tell."""
+        while self.lockstep:
+            missing = [r.topic for r in self.readers if not r.publishers]
+            missing += [w.topic for w in self.writers if w.readers < w.expected_readers]
+            if not missing:
+                break
+            self.statistics.waiting_for = ', '.join(missing)
+            self.serve()
+            time.sleep(0.01)
+        self.statistics.waiting_for = ''
+        self.tell_ready()
+
+    def tell_ready(self) -> None:
+        """Tell everybody, also those who come later."""
+        self._ready.publish(String(data=self.get_fully_qualified_name()))
+
+    def ticks(self, every_ns: int) -> Iterator[bytes]:
+        """Yield state messages: each one in lockstep, the newest in real time.
+
+        Args:
+            every_ns: Period of this node's ticks [ns].
+        """
+        reader = self.reader(JointState, self.state_topic)
+        self.become_ready()
+        yield from (
+            self._lockstep_ticks(reader, every_ns)
+            if self.lockstep
+            else (self._real_time_ticks(reader, every_ns))
+        )
+
+    def _lockstep_ticks(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
+        inbox, wanted = Inbox(), 0
+        while True:
+            data = reader.take()
+            if data is None:
+                self.wait(reader, None, '')
+                continue
+            if self.accept(inbox.offer, data) is False:
+                self.resend()
+            while (due := inbox.exactly(wanted)) is not None:
+                yield due
+                self.serve()
+                wanted += every_ns
+
+    def _real_time_ticks(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
+        last_ns: int | None = None
+        while True:
+            self.serve()
+            data = reader.take()
+            if data is None:
+                self.wait(reader, None, '')
+                continue
+            while (newer := reader.take()) is not None:
+                data = newer
+            stamp_ns = self.accept(stamp_of, data)
+            if stamp_ns is None or (last_ns is not None and stamp_ns - last_ns < every_ns):
+                continue
+            if last_ns is not None:
+                self.statistics.deadline_misses += (stamp_ns - last_ns) // every_ns - 1
+            last_ns = stamp_ns
+            yield data
+
+    def wait(self, reader: Reader, give_up_ns: int | None, sender: str) -> None:
+        """Wait for a message a while, serving everything else.
+
+        Raises:
+            MissingInputError: If the wall time to give up has come.
+            StopRequestedError: If the node was asked to end.
+        """
+        self.serve()
+        reader.wait(SLICE_S)
+        now_ns = time.monotonic_ns()
+        if give_up_ns is not None and now_ns > give_up_ns:
+            raise MissingInputError(f'MISSING {sender}: nothing on {reader.topic}')
+
+    def resend(self) -> None:
+        """Send the last messages again: somebody seems to have lost one."""
+        for writer in self.writers:
+            writer.resend(time.monotonic_ns())
+
+    def serve(self) -> None:
+        """Answer services and publish diagnostics, when it is time to.
+
+        Raises:
+            StopRequestedError: If the node was asked to end.
+        """
+        if self.stop_requested:
+            raise StopRequestedError
+        now_ns = time.monotonic_ns()
+        if now_ns < self._next_service_ns:
+            return
+        self._next_service_ns = now_ns + SERVICE_PERIOD_NS
+        self._executor.spin_once(timeout_sec=0.0)
+        if now_ns >= self._next_diagnostic_ns:
+            self._next_diagnostic_ns = now_ns + DIAGNOSTIC_PERIOD_NS
+            self.publish_diagnostics('running')
+
+    def publish_diagnostics(self, state: str) -> None:
+        """Tell what the node counted."""
+        figures = self.statistics.report(time.monotonic_ns())
+        bad = self.statistics.rejected or self.statistics.solver_failures
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if bad else DiagnosticStatus.OK,
+            name=self.get_fully_qualified_name(),
+            message=figures['last_rejected'] or state,
+            values=[KeyValue(key='state', value=state)]
+            + [KeyValue(key=key, value=value) for key, value in figures.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def close(self) -> None:
+        """Tell the last figures, and see them delivered."""
+        self.publish_diagnostics('ended')
+        self._diagnostics.wait_for_all_acked(Duration(seconds=DELIVERY_S))
+
+    def run(self) -> None:
+        """Tick until asked to end."""
+        raise NotImplementedError
+
+    def _request_stop(self, number: int, frame: object) -> None:
+        self.stop_requested = True
+
+
+def run_node(make: Callable[[], GraphNode]) -> None:
+    """Start a node, run it to its end, and turn every error into one line."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = None
+    code = 0
+    try:
+        node = make()
+        node.run()
+    except StopRequestedError:
+        pass
+    except MissingInputError as error:
+        code = EXIT_MISSING
+        print(error, file=sys.stderr, flush=True)
+    except LayeredCbfError as error:
+        code = EXIT_ERROR
+        print(f'ERROR {error}', file=sys.stderr, flush=True)
+    if node is not None:
+        node.close()
+    rclpy.shutdown()
+    sys.exit(code)

@@ -1,0 +1,65 @@
+"""obstacle_tracker: turns detections, which have no names, into tracks, which do."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from geometry_msgs.msg import PoseArray
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message, serialize_message
+
+from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.messages.cdr import stamp_of
+from layered_cbf_ros.messages.standard import points, points_from, track_odometry
+from layered_cbf_ros.nodes.declaring import declare
+from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.perception.obstacle_tracker import ObstacleTracker
+from layered_cbf_ros.perception.parameters import ObstacleTrackerParameters
+
+KEPT_TRACKS = 128  # several stamps of many tracks
+
+
+def read_points(data: bytes) -> tuple[int, Array]:
+    """Return stamp [ns] and points (n, 2) [m] of a serialised PoseArray."""
+    return stamp_of(data), points_from(deserialize_message(data, PoseArray))
+
+
+class ObstacleTrackerNode(GraphNode):
+    """Wires detections to the tracker and its tracks to the coordinator."""
+
+    def __init__(self) -> None:
+        super().__init__('obstacle_tracker')
+        self._tracker = ObstacleTracker(declare(self, ObstacleTrackerParameters))
+        self._detections = self.reader(PoseArray, '/obstacles/detections')
+        self._tracks = self.writer(Odometry, '/obstacles/tracks', kept=KEPT_TRACKS)
+        self._tracked = self.writer(PoseArray, '/obstacles/tracked')
+
+    def run(self) -> None:
+        """Update the tracks on every detection message, seen or empty."""
+        self.become_ready()
+        memory = self._tracker.start(0)
+        while True:
+            self.serve()
+            data = self._detections.take()
+            if data is None:
+                self.wait(self._detections, None, '')
+                continue
+            detections = self.accept(read_points, data)
+            if detections is None:
+                continue
+            begun_ns = time.perf_counter_ns()
+            stamp_ns, positions = detections
+            result = self._tracker.step(memory, stamp_ns, positions)
+            memory = result.state
+            self.statistics.rejected += result.rejected
+            for track in result.tracks:
+                self._tracks.publish(serialize_message(track_odometry(track)))
+            centres = np.array([track.position for track in result.tracks]).reshape(-1, 2)
+            self._tracked.publish(serialize_message(points(memory.stamp_ns, centres)))
+            self.statistics.tick(time.perf_counter_ns() - begun_ns)
+
+
+def main() -> None:
+    """Run the node."""
+    run_node(ObstacleTrackerNode)
