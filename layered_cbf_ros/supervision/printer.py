@@ -1,0 +1,109 @@
+"""What a person sees of a run: lines of the nodes, and a live block on a terminal."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from typing import TextIO
+
+from layered_cbf_ros.supervision.status import Row
+
+COLOURS = (36, 33, 32, 35, 34, 96, 93, 92, 95, 94)
+BAR = 30
+RED, DIM = 31, 2
+
+
+def progress_line(clock: float | None, duration: float, wall: float) -> str:
+    """Return simulated time as a bar, with the real-time factor.
+
+    Args:
+        clock: Simulated time [s], None before the first word of it.
+        duration: Longest simulated time of the run [s].
+        wall: Wall time since the start of the simulation [s].
+    """
+    if clock is None:
+        return f'[{"-" * BAR}] starting'
+    done = min(1.0, clock / duration)
+    bar = ('#' * round(BAR * done)).ljust(BAR, '-')
+    factor = f', real-time factor {clock / wall:.2f}' if wall > 0.0 else ''
+    return f'[{bar}] {clock:.1f} of {duration:g} s{factor}'
+
+
+def table_lines(rows: Sequence[Row]) -> list[str]:
+    """Return the status table as aligned text."""
+    width = max((len(row.name) for row in rows), default=0)
+    states = max((len(row.state) for row in rows), default=0)
+    lines = []
+    for row in rows:
+        rate = '' if row.rate is None else f'{row.rate:.0f} Hz'
+        share = '' if row.processor is None else f'{100.0 * row.processor:.0f} % CPU'
+        cells = f'{row.name:<{width}}  {row.state:<{states}}  {rate:>8}  {share:>9}  {row.note}'
+        lines.append(cells.rstrip())
+    return lines
+
+
+class Printer:
+    """Prints lines and, on a terminal, keeps a block of status below them."""
+
+    def __init__(self, stream: TextIO, terminal: bool, pipe_pause: float = 10.0) -> None:
+        """Choose how to print.
+
+        Args:
+            stream: Where to.
+            terminal: Whether it is a terminal: colours and a live block, or plain lines.
+            pipe_pause: Wall time between status lines where there is no block [s].
+        """
+        self._stream = stream
+        self._terminal = terminal
+        self._pipe_pause = pipe_pause
+        self._next_status = 0.0
+        self._block: list[str] = []
+        self._shown = 0
+        self._colours: dict[str, int] = {}
+
+    def tell(self, name: str, text: str) -> None:
+        """Print a line of, or about, a node."""
+        colour = self._colours.setdefault(name, COLOURS[len(self._colours) % len(COLOURS)])
+        self.say(f'{self._painted(name, colour)}: {text}')
+
+    def say(self, text: str) -> None:
+        """Print text above the block."""
+        self._erase()
+        print(text, file=self._stream)
+        self._draw()
+
+    def fail(self, text: str) -> None:
+        """Print what went wrong."""
+        self.say(self._painted(text, RED))
+
+    def status(self, now: float, progress: str, rows: Sequence[Row]) -> None:
+        """Show how the run goes; where there is no terminal, now and then."""
+        if self._terminal:
+            columns = shutil.get_terminal_size().columns
+            lines = [*table_lines(rows), progress]
+            self._erase()
+            self._block = [self._painted(line[: columns - 1], DIM) for line in lines]
+            self._draw()
+        elif now >= self._next_status:
+            self._next_status = now + self._pipe_pause
+            print(progress, file=self._stream, flush=True)
+
+    def end(self) -> None:
+        """Remove the block."""
+        self._erase()
+        self._block = []
+        self._stream.flush()
+
+    def _painted(self, text: str, code: int) -> str:
+        return f'\x1b[{code}m{text}\x1b[0m' if self._terminal else text
+
+    def _erase(self) -> None:
+        if self._shown:
+            self._stream.write(f'\x1b[{self._shown}F\x1b[J')
+            self._shown = 0
+
+    def _draw(self) -> None:
+        for line in self._block:
+            print(line, file=self._stream)
+        self._shown = len(self._block)
+        self._stream.flush()

@@ -1,0 +1,70 @@
+"""Which processes a run consists of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.timing import REAL_TIME
+
+PLANT = '/simulator'
+RECORDER = '/recorder'
+ROBOT_NODES = ('ground_force_mpc', 'whole_body_controller')
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSpec:
+    """One process of a run: one node.
+
+    Attributes:
+        name: Full name of its node, as in `/a1_0/whole_body_controller`.
+        executable: Which program of the package it is.
+        arguments: Its command line.
+        restarts: Whether it is started again if it dies; only in real time, and
+            only what keeps no world and no file.
+        ends_last: Whether it is ended after all others, so that it hears them end.
+    """
+
+    name: str
+    executable: str
+    arguments: tuple[str, ...]
+    restarts: bool = False
+    ends_last: bool = False
+
+    @property
+    def log_name(self) -> str:
+        """Return the name of its log file."""
+        return self.name.strip('/').replace('/', '.') + '.log'
+
+
+def node_names(scenario: Scenario, record: bool) -> tuple[str, ...]:
+    """Return the full names of all nodes of a run; those that listen come first."""
+    names = [RECORDER] if record else []
+    names.append('/coordinator')
+    if scenario.obstacles:
+        names.append('/obstacle_tracker')
+    names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in ROBOT_NODES]
+    return (*names, PLANT)
+
+
+def process_plan(scenario: Scenario, parameter_file: Path, record: bool) -> tuple[ProcessSpec, ...]:
+    """Return the processes of a run, in the order in which they are started."""
+    return tuple(
+        _process(name, parameter_file, scenario.time == REAL_TIME)
+        for name in node_names(scenario, record)
+    )
+
+
+def _process(name: str, parameter_file: Path, real_time: bool) -> ProcessSpec:
+    namespace, _, node = name.rpartition('/')
+    arguments = ['--ros-args', '--params-file', str(parameter_file)]
+    if namespace:
+        arguments += ['-r', f'__ns:={namespace}']
+    return ProcessSpec(
+        name=name,
+        executable=node,
+        arguments=tuple(arguments),
+        restarts=real_time and name not in (PLANT, RECORDER),
+        ends_last=name == RECORDER,
+    )

@@ -1,0 +1,103 @@
+"""The parameter file of a run: every value of every node, in one place."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from layered_cbf_ros.errors import ParameterError
+from layered_cbf_ros.node_parameters import NODE_PARAMETERS
+from layered_cbf_ros.parameters import from_mapping
+from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.supervision.process_plan import PLANT, RECORDER, node_names
+
+Values = dict[str, Any]
+
+
+def read_defaults(folder: Path) -> dict[str, Values]:
+    """Return what `params/<node>.yaml` says, by node.
+
+    Raises:
+        ParameterError: If a file has not the form of a ROS parameter file.
+    """
+    defaults: dict[str, Values] = {}
+    for file in sorted(folder.glob('*.yaml')):
+        try:
+            content = yaml.safe_load(file.read_text(encoding='utf-8'))
+            defaults |= {node: dict(entry['ros__parameters']) for node, entry in content.items()}
+        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+            raise ParameterError(
+                f'{file}: not a parameter file; its form is `node: {{ros__parameters: ...}}`'
+            ) from None
+    return defaults
+
+
+def run_parameters(
+    scenario: Scenario,
+    defaults: Mapping[str, Mapping[str, Any]],
+    scenario_file: Path,
+    bag: Path | None,
+) -> dict[str, Values]:
+    """Return the parameters of every node of a run, by its full name.
+
+    A value of the scenario goes before one of the defaults; what the run itself
+    settles (time, scenario, recording) goes before both.
+
+    Args:
+        scenario: What is run.
+        defaults: Values by node, as `read_defaults` returns them.
+        scenario_file: Where the scenario is written for the nodes.
+        bag: Folder of the bag, None if nothing is recorded.
+
+    Raises:
+        ParameterError: If a name is unknown or a value out of its range.
+    """
+    names = node_names(scenario, bag is not None)
+    rates = scenario.rates
+    common = {
+        'time': scenario.time,
+        'state_rate': rates.state,
+        'plan_rate': rates.plan,
+        'detection_rate': rates.detections,
+        'detection_delay': scenario.world.detections.delay,
+        'recorded': bag is not None,
+        'scenario': str(scenario_file),
+    }
+    parameters = {}
+    for name in names:
+        node = name.rpartition('/')[2]
+        given = {**defaults.get(node, {}), **scenario.parameters.get(node, {})}
+        parameters[name] = {**_complete(node, given), **common}
+    for robot in scenario.robots:
+        parameters[f'/{robot.name}/ground_force_mpc']['gait'] = robot.gait
+    parameters['/coordinator']['rate'] = rates.state
+    parameters[PLANT]['wait_for'] = [name for name in names if name != PLANT]
+    if bag is not None:
+        parameters[RECORDER]['output'] = str(bag)
+    return parameters
+
+
+def parameter_file(parameters: Mapping[str, Values]) -> str:
+    """Return the parameters as the text of a ROS parameter file."""
+    form = {name: {'ros__parameters': values} for name, values in parameters.items()}
+    text: str = yaml.safe_dump(form, sort_keys=False)
+    return text
+
+
+def _complete(node: str, given: Mapping[str, Any]) -> Values:
+    """Return every parameter of a node, each in its own type: ROS takes no 1 for 1.0."""
+    classes = NODE_PARAMETERS.get(node, ())
+    fields = {cls: [field.name for field in dataclasses.fields(cls)] for cls in classes}
+    known = {name for names in fields.values() for name in names}
+    for name in given:
+        if name not in known:
+            raise ParameterError(f"{node}: unknown parameter '{name}'")
+    values: Values = {}
+    for cls, names in fields.items():
+        built: Any = from_mapping(cls, {name: given[name] for name in names if name in given})
+        values |= dataclasses.asdict(built)
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
