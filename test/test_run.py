@@ -1,23 +1,22 @@
-"""A whole run, as a user starts it: it ends well, and whatever breaks it is named."""
+"""A run as a user starts it: it ends well, and whatever breaks it is named."""
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip('rclpy')
+
+from live_run import LiveRun, is_alive, wait_until_gone
 
 from layered_cbf_ros.bags.verdict import judge
 from layered_cbf_ros.supervision import shared_memory
 
 pytestmark = pytest.mark.system
 
-LIMIT_S = 120.0
 WBC, MPC = '/a1_0/whole_body_controller', '/a1_0/ground_force_mpc'
 STAND = """
 description: One A1 stands.
@@ -30,53 +29,14 @@ parameters:
 """
 
 
-class LiveRun:
-    """A supervisor as a process of its own, and what it prints."""
-
-    def __init__(self, folder: Path, duration: float) -> None:
-        scenario = folder / 'scenario.yaml'
-        scenario.write_text(STAND.format(duration=duration))
-        self.output = folder / f'run_{len(list(folder.iterdir()))}'
-        program = 'from layered_cbf_ros.nodes.supervisor import main; main()'
-        self.process = subprocess.Popen(
-            [sys.executable, '-c', program, str(scenario), '--output', str(self.output)],
-            env=os.environ | {'OMP_NUM_THREADS': '1', 'ROS_DOMAIN_ID': str(20 + os.getpid() % 60)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        self.said = ''
-        self.children: dict[str, int] = {}
-
-    def until_running(self) -> None:
-        """Read on until all nodes are ready, and note which processes they are."""
-        while not self.said.endswith('running\n'):
-            line = self.process.stdout.readline()
-            assert line, self.said
-            self.said += line
-        pid = self.process.pid
-        for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
-            words = Path(f'/proc/{child}/cmdline').read_text()
-            node = words.partition('nodes.')[2].partition(' ')[0]
-            namespace = words.partition('__ns:=')[2].partition('\0')[0]
-            self.children[f'{namespace}/{node}'] = int(child)
-        time.sleep(1.5)  # one round of the supervisor's bookkeeping
-
-    def end(self) -> int:
-        """Read all that it says; return its exit code."""
-        self.said += self.process.communicate(timeout=LIMIT_S)[0]
-        return self.process.returncode
-
-    def summary(self) -> dict:
-        return json.loads((self.output / 'summary.json').read_text())
-
-
 @pytest.fixture
 def start(tmp_path):
     runs = []
 
     def start(duration):
-        runs.append(LiveRun(tmp_path, duration))
+        scenario = tmp_path / 'scenario.yaml'
+        scenario.write_text(STAND.format(duration=duration))
+        runs.append(LiveRun(scenario, tmp_path / f'run_{len(runs)}'))
         return runs[-1]
 
     yield start
@@ -85,20 +45,6 @@ def start(tmp_path):
         run.process.wait()
         run.process.stdout.close()
         wait_until_gone(run.children.values())
-
-
-def is_alive(pid: int) -> bool:
-    try:
-        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
-    except OSError:
-        return False
-
-
-def wait_until_gone(pids) -> None:
-    end = time.monotonic() + LIMIT_S
-    while any(is_alive(pid) for pid in pids):
-        assert time.monotonic() < end, 'an orphan lives on'
-        time.sleep(0.05)
 
 
 def segments_of(run: LiveRun) -> frozenset[Path]:

@@ -26,7 +26,7 @@ from layered_cbf_ros.timing import LOCKSTEP, Inbox, InputRule, InputRules, Timin
 
 T = TypeVar('T')
 SLICE_S = 0.05  # longest uninterrupted wait: how fast signals and services are answered
-SERVICE_PERIOD_NS = 100_000_000
+SERVICE_PERIOD_NS = 500_000_000
 DIAGNOSTIC_PERIOD_NS = 1_000_000_000
 DELIVERY_S = 0.5
 EXIT_ERROR, EXIT_MISSING = 2, 3

@@ -1,0 +1,1 @@
+"""What scripts/bench measures: simulated physics, the speed of the parts, the whole graph."""
