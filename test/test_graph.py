@@ -120,7 +120,7 @@ def test_in_real_time_a_robot_outlives_its_coordinator(tmp_path):
     run.until_running()
     os.kill(run.children['/coordinator'], signal.SIGKILL)
     run.end()
-    assert '/coordinator was killed by SIGKILL' in run.said
+    assert '/coordinator: was killed by SIGKILL; started again' in run.said
     summary = run.summary()
     assert summary['outcome'] == 'finished'
     assert (summary['falls'], summary['contacts']) == (0, 0)

@@ -83,7 +83,10 @@ def test_a_run_has_a_process_for_every_node_and_starts_listeners_first():
 def test_only_what_keeps_no_world_restarts_and_only_in_real_time():
     assert not any(spec.restarts for spec in process_plan(SCENARIO, Path('p'), True))
     plan = process_plan(replace(SCENARIO, time='real_time'), Path('p'), True)
-    assert {spec.name for spec in plan if not spec.restarts} == {SIM, RECORDER}
+    once = {spec.name for spec in plan if not spec.restarts}
+    wbcs = {spec.name for spec in plan if spec.executable == 'whole_body_controller'}
+    assert once == {SIM, RECORDER, *wbcs}
+    assert {spec.name for spec in plan if not spec.ends_run} == wbcs
 
 
 def test_without_obstacles_nobody_tracks_and_without_bag_nobody_records():
@@ -308,12 +311,22 @@ def test_in_real_time_a_dead_controller_is_started_again_but_not_for_ever():
     run = History(replace(SCENARIO, time='real_time'), restarts=2, restart=0.5)
     run.play(1.0)
     for count in (1, 2):
-        run[WBC].code = -signal.SIGKILL
+        run[MPC].code = -signal.SIGKILL
         assert run.play(1.0) is None
-        assert [name for name, _ in run.launched].count(WBC) == 1 + count
-        assert run[WBC].code is None
-    run[WBC].code = 1
-    assert run.play(2.0).missing == (WBC,)
+        assert [name for name, _ in run.launched].count(MPC) == 1 + count
+        assert run[MPC].code is None
+    run[MPC].code = 1
+    assert run.play(2.0).missing == (MPC,)
+
+
+def test_in_real_time_a_robot_that_lost_its_legs_stays_down_and_the_others_go_on():
+    run = History(replace(SCENARIO, time='real_time'))
+    run.play(1.0)
+    run[WBC].code = -signal.SIGKILL
+    assert run.play(3.0) is None
+    assert [name for name, _ in run.launched].count(WBC) == 1
+    run[SIM].code = 0
+    assert run.play(1.0).code is Code.FINISHED
 
 
 def test_the_first_reason_to_end_counts():

@@ -10,7 +10,10 @@ from layered_cbf_ros.timing import REAL_TIME
 
 PLANT = '/simulator'
 RECORDER = '/recorder'
-ROBOT_NODES = ('ground_force_mpc', 'whole_body_controller')
+WHOLE_BODY = 'whole_body_controller'
+ROBOT_NODES = ('ground_force_mpc', WHOLE_BODY)
+# A robot whose controller died lies damped: a new one would make it jump up.
+ONCE = (PLANT.strip('/'), RECORDER.strip('/'), WHOLE_BODY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +25,8 @@ class ProcessSpec:
         executable: Which program of the package it is.
         arguments: Its command line.
         restarts: Whether it is started again if it dies; only in real time, and
-            only what keeps no world and no file.
+            only what keeps no world, no file and no robot on its legs.
+        ends_run: Whether its death, if it isn't started again, ends the run.
         ends_last: Whether it is ended after all others, so that it hears them end.
     """
 
@@ -30,6 +34,7 @@ class ProcessSpec:
     executable: str
     arguments: tuple[str, ...]
     restarts: bool = False
+    ends_run: bool = True
     ends_last: bool = False
 
     @property
@@ -65,6 +70,7 @@ def _process(name: str, parameter_file: Path, real_time: bool) -> ProcessSpec:
         name=name,
         executable=node,
         arguments=tuple(arguments),
-        restarts=real_time and name not in (PLANT, RECORDER),
+        restarts=real_time and node not in ONCE,
+        ends_run=not real_time or node != WHOLE_BODY,
         ends_last=name == RECORDER,
     )

@@ -165,6 +165,8 @@ class Supervisor:
             self._restart_at[name] = now + self._patience.restart
             count = f'{self._restarts[name]} of {self._patience.restarts}'
             self._tell(name, f'{describe_exit(code)}; started again ({count})')
+        elif not self._plan[name].ends_run and self.phase is Phase.RUNNING:
+            self._tell(name, f'{describe_exit(code)}; its robot is damped, the others go on')
         elif code == EXIT_MISSING:
             self._tell(name, describe_exit(code))
             if self._judge_at is None:
