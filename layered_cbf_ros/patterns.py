@@ -64,28 +64,50 @@ class Circle:
 
 @dataclass(frozen=True)
 class Line:
-    """A segment walked to and fro at constant speed.
+    """A segment walked to and fro, with a rest at each end: nobody turns in no time.
 
     Attributes:
         start, end: Its end points [m]; the motion begins at start.
         speed: Speed along it [m/s].
         phase: Part of a whole to-and-fro cycle already done at t = 0, in [0, 1).
+        acceleration: How fast it speeds up and slows down at the ends [m/s^2];
+            math.inf for a turn in no time.
     """
 
     start: tuple[float, float]
     end: tuple[float, float]
     speed: float
     phase: float = 0.0
+    acceleration: float = 0.5
 
     def at(self, t: float) -> tuple[Array, Array]:
         """Return the point of the segment and its velocity."""
         start, along = np.array(self.start), np.subtract(self.end, self.start)
         length = math.hypot(*along)
-        done = (self.speed * t / (2.0 * length) + self.phase) % 1.0
+        peak = min(self.speed, math.sqrt(self.acceleration * length))
+        if peak == 0.0:
+            return start + self._share(self.phase) * along, np.zeros(2)
+        one_way = length / peak + peak / self.acceleration
+        done = (t / (2.0 * one_way) + self.phase) % 1.0
+        position, speed = self._one_way(2.0 * min(done, 1.0 - done) * one_way, one_way, peak)
         heading = along / length
-        if done < 0.5:
-            return start + 2.0 * done * along, self.speed * heading
-        return start + 2.0 * (1.0 - done) * along, -self.speed * heading
+        return start + position * heading, math.copysign(speed, 0.5 - done) * heading
+
+    @staticmethod
+    def _share(phase: float) -> float:
+        """Return how far along a body rests that never moves."""
+        return 2.0 * min(phase, 1.0 - phase)
+
+    def _one_way(self, t: float, one_way: float, peak: float) -> tuple[float, float]:
+        """Return way done [m] and speed [m/s], t [s] after a rest at one end."""
+        ramp = peak / self.acceleration
+        if t < ramp:
+            return 0.5 * self.acceleration * t * t, self.acceleration * t
+        left = one_way - t
+        if left < ramp:
+            length = peak * (one_way - ramp)
+            return length - 0.5 * self.acceleration * left * left, self.acceleration * left
+        return peak * (t - 0.5 * ramp), peak
 
 
 @dataclass(frozen=True)

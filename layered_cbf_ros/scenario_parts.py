@@ -116,12 +116,18 @@ def _pattern(kind: str, entry: Entry) -> Pattern:
             _number(entries, 'phase', 0.0, -math.tau, math.tau, '[rad]'),
         )
     if kind == 'line':
-        entries = entry.mapping(('start', 'end', 'speed'), ('phase',))
+        entries = entry.mapping(('start', 'end', 'speed'), ('phase', 'acceleration'))
         start, end = entries['start'].point(), entries['end'].point()
         if start == end:
             entries['end'].refuse('give another point than the start')
         speed = entries['speed'].number(0.0, unit='[m/s]')
-        return Line(start, end, speed, _number(entries, 'phase', 0.0, 0.0, 1.0, 'of a cycle'))
+        return Line(
+            start,
+            end,
+            speed,
+            _number(entries, 'phase', 0.0, 0.0, 1.0, 'of a cycle'),
+            _number(entries, 'acceleration', Line.acceleration, 0.01, math.inf, '[m/s^2]'),
+        )
     entries = entry.mapping(('points', 'speed'))
     points = tuple(point.point() for point in entries['points'].entries())
     if len(points) < 2:

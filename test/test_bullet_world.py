@@ -270,7 +270,9 @@ def coal_distance(ours, theirs):
 def moved_world(build, seed):
     """A world whose bodies are fast and in odd poses: what is a step old is wrong."""
     random = np.random.default_rng(seed)
-    obstacle = Obstacle('obstacle_1', 0.3, 12.0, Line((0.9, -3.0), (0.9, 3.0), 4.0, 0.125))
+    obstacle = Obstacle(
+        'obstacle_1', 0.3, 12.0, Line((0.9, -3.0), (0.9, 3.0), 4.0, 0.125, math.inf)
+    )
     standing = Obstacle('obstacle_2', 0.2, 12.0, Standing((40.0, 0.0)))
     direction = random.uniform(0.0, math.tau)
     normal = (math.cos(direction), math.sin(direction))
@@ -341,7 +343,7 @@ def test_a_robot_pushed_against_a_wall_touches_it(build):
 
 def test_an_obstacle_pushes_a_robot_along_without_entering_it(build):
     """It has a velocity, not just one position after the other: else it is 12 mm inside."""
-    roller = Obstacle('obstacle_1', 0.3, 0.8, Line((1.0, 0.0), (-1.0, 0.0), 1.0))
+    roller = Obstacle('obstacle_1', 0.3, 0.8, Line((1.0, 0.0), (-1.0, 0.0), 1.0, 0.0, math.inf))
     world = build(scenario(obstacles=(roller,)), pose())
     reports = []
     for _ in range(70):

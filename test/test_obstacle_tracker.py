@@ -113,7 +113,10 @@ def test_errors_are_as_large_as_the_covariance_says():
     assert np.mean(surprises) == pytest.approx(2.0, abs=4 * math.sqrt(4 / runs))
 
 
-@pytest.mark.parametrize('motion', [Circle((4, 0), 1.0, 0.4), Line((-2, 1), (2, -1), 0.4)])
+MOTIONS = (Circle((4, 0), 1.0, 0.4), Line((-2, 1), (2, -1), 0.4, 0.0, math.inf))
+
+
+@pytest.mark.parametrize('motion', MOTIONS)
 def test_the_velocity_of_an_obstacle_is_found(motion):
     """Also where a line turns back at once: a short error, but never a lost name."""
     random = np.random.default_rng(1)

@@ -12,7 +12,8 @@ PATTERNS = [
     Circle((4.0, 0.5), 1.5, 0.4, 0.3),
     Circle((4.0, 0.5), 1.5, -0.7, -1.0),
     Line((-2.0, 1.0), (2.0, -1.0), 0.4, 0.0),
-    Line((-2.0, 1.0), (2.0, -1.0), 0.9, 0.7),
+    Line((-2.0, 1.0), (2.0, -1.0), 0.9, 0.7, math.inf),
+    Line((0.0, 0.0), (0.0, 0.3), 2.0, 0.1),
     Waypoints(((0.0, 0.0), (1.0, 0.0), (1.0, 2.0), (-1.0, 1.0)), 0.5),
 ]
 
@@ -43,15 +44,32 @@ def test_a_positive_speed_goes_round_counterclockwise(speed):
 
 
 def test_a_line_is_walked_to_and_fro():
-    line = Line((-2.0, 1.0), (2.0, -1.0), 0.4)
+    line = Line((-2.0, 1.0), (2.0, -1.0), 0.4, acceleration=math.inf)
     there = math.hypot(4.0, 2.0) / 0.4
     np.testing.assert_allclose(line.at(0.0)[0], (-2.0, 1.0))
     np.testing.assert_allclose(line.at(there)[0], (2.0, -1.0), atol=1e-12)
     np.testing.assert_allclose(line.at(1.5 * there)[0], (0.0, 0.0), atol=1e-12)
     np.testing.assert_allclose(line.at(2.0 * there + 1.0)[0], line.at(1.0)[0], atol=1e-12)
-    np.testing.assert_allclose(
-        Line(line.start, line.end, 0.4, phase=0.25).at(1.0)[0], line.at(1.0 + there / 2)[0]
-    )
+    later = Line(line.start, line.end, 0.4, 0.25, math.inf)
+    np.testing.assert_allclose(later.at(1.0)[0], line.at(1.0 + there / 2)[0])
+
+
+@pytest.mark.parametrize(('length', 'top'), [(4.0, 0.4), (0.1, math.sqrt(0.5 * 0.1))])
+def test_a_line_is_turned_with_a_bounded_acceleration(length, top):
+    """Also a segment too short for its speed: then it is walked as fast as can be."""
+    line, h = Line((0.0, 0.0), (length, 0.0), 0.4), 1e-3
+    velocities = np.array([line.at(t)[1][0] for t in np.arange(0.0, 60.0, h)])
+    assert np.abs(np.diff(velocities)).max() / h <= 0.5 + 1e-9
+    assert velocities.max() == pytest.approx(top, rel=1e-3)
+    places = np.array([line.at(t)[0][0] for t in np.arange(0.0, 60.0, h)])
+    assert places.min() == pytest.approx(0.0, abs=1e-6)
+    assert places.max() == pytest.approx(length, abs=1e-6)
+
+
+def test_a_line_without_speed_rests_where_its_phase_has_it():
+    position, velocity = Line((0.0, 0.0), (4.0, 0.0), 0.0, 0.75).at(3.0)
+    np.testing.assert_allclose(position, (2.0, 0.0))
+    np.testing.assert_allclose(velocity, 0.0)
 
 
 def test_waypoints_are_passed_in_order_at_the_given_speed_and_the_last_is_kept():

@@ -150,7 +150,7 @@ class Coordinator:
             twists.append(
                 desired_twist(robot.desired, heeded, time, place, yaw, others, self._parameters)
             )
-        wishes = np.array(twists)
+        wishes = np.array(twists) * min(1.0, time / self._parameters.start_ramp)
         wishes[state.frozen | self._standing] = 0.0
         return wishes[:, :2], wishes[:, 2], rejected
 

@@ -20,6 +20,9 @@ class CoordinatorParameters:
         (1.0, 2.0), 'Position gain [1/s^2] and velocity gain [1/s] of the desired motion.', '', 0.01
     )
     desired_speed: float = parameter(0.5, 'Largest desired speed.', 'm/s', 0.01, 3.0)
+    start_ramp: float = parameter(
+        1.0, 'Time over which the wishes grow to their full size at the start.', 's', 0.001, 10.0
+    )
     speed_limit: float = parameter(0.6, 'Largest planned speed per world axis.', 'm/s', 0.01, 3.0)
     acceleration_limit: float = parameter(
         1.5, 'Largest planned acceleration per world axis.', 'm/s^2', 0.01, 10.0
