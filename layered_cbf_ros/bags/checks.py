@@ -38,7 +38,8 @@ class RunFigures:
         min_distance_m: Smallest distance between centres, of the pair with the
             least margin over promised_distance_m.
         promised_distance_m: Sum of that pair's radii.
-        min_clearance_m: Smallest distance between surfaces.
+        min_clearance_m: Smallest distance between surfaces; beyond the simulator's
+            exact_within it is a lower bound.
         max_plan_error_m: Largest distance of a CoM from its plan in the plane.
         max_torque_nm: Largest torque of any joint, from the first state on.
         solver_failures, slack_events, deadline_misses, rejected: Sums over all nodes.

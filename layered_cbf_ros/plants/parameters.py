@@ -16,5 +16,5 @@ class SimulatorParameters:
         2.0, 'Torque per joint speed of a robot that gets no commands', 'Nm s/rad', 0.0, 4.0
     )
     exact_within: float = parameter(
-        1.0, 'Clearances are exact up to here, and a lower bound beyond', 'm', 0.0, 100.0
+        2.0, 'Clearances are exact up to here, and a lower bound beyond', 'm', 0.0, 100.0
     )
