@@ -19,7 +19,7 @@ from live_run import ENVIRONMENT, LIMIT_S, LiveRun
 from layered_cbf_ros.bags.reader import BagReader
 from layered_cbf_ros.bags.verdict import judge
 from layered_cbf_ros.scenario_file import load_scenario, with_overrides
-from layered_cbf_ros.supervision.process_plan import process_plan
+from layered_cbf_ros.supervision.process_plan import PLANT, RECORDER, process_plan
 from layered_cbf_ros.supervision.run_folder import make_run_folder
 
 pytestmark = pytest.mark.system
@@ -70,25 +70,54 @@ def test_the_same_seed_gives_the_same_bits_on_a_loaded_machine(
     assert again['trajectory_sha256'] == reference['trajectory_sha256']
 
 
-def test_the_order_in_which_nodes_start_does_not_matter(reference, tmp_path):
-    """The very processes of the supervisor, started by hand the other way round."""
-    scenario = with_overrides(load_scenario('four_agents'), duration=1.0)
-    folder = make_run_folder(scenario, 'now', tmp_path / 'run', True)
-    processes = []
-    for spec in reversed(process_plan(scenario, folder.parameters, True)):
+def run_by_hand(scenario: str, output: Path, before: str = '', backwards: bool = False) -> str:
+    """Start the very processes of the supervisor, without it; return the run's hash.
+
+    Args:
+        scenario: Name of the scenario; one second of it is run.
+        output: Folder of the run.
+        before: Python code that each node but the recorder executes first.
+        backwards: Start the nodes in the opposite order.
+    """
+    world = with_overrides(load_scenario(scenario), duration=1.0)
+    folder = make_run_folder(world, 'now', output, True)
+    plan = process_plan(world, folder.parameters, True)
+    processes = {}
+    for spec in reversed(plan) if backwards else plan:
         program = f'from layered_cbf_ros.nodes.{spec.executable} import main; main()'
-        command = [sys.executable, '-c', program, *spec.arguments]
-        processes.append(subprocess.Popen(command, env=ENVIRONMENT))
-    plant, *others = processes
+        code = program if spec.name == RECORDER else f'{before}\n{program}'
+        command = [sys.executable, '-c', code, *spec.arguments]
+        processes[spec.name] = subprocess.Popen(command, env=ENVIRONMENT)
     try:
-        assert plant.wait(LIMIT_S) == 0
-        for process in others:
-            process.send_signal(signal.SIGINT)
-            assert process.wait(30.0) == 0
+        assert processes[PLANT].wait(LIMIT_S) == 0
+        for name in (*(name for name in processes if name not in (PLANT, RECORDER)), RECORDER):
+            processes[name].send_signal(signal.SIGINT)
+            assert processes[name].wait(30.0) == 0
     finally:
-        for process in processes:
+        for process in processes.values():
             process.kill()
-    assert judge(folder.path / 'bag').trajectory_sha256 == reference['trajectory_sha256']
+    return judge(folder.path / 'bag').trajectory_sha256
+
+
+def test_the_order_in_which_nodes_start_does_not_matter(reference, tmp_path):
+    again = run_by_hand('four_agents', tmp_path / 'run', backwards=True)
+    assert again == reference['trajectory_sha256']
+
+
+def test_lost_messages_are_sent_again_and_change_nothing(tmp_path):
+    """Each node loses one message in 500, of every topic, at random."""
+    lossy = """
+import random
+from layered_cbf_ros.nodes.transport import Reader
+take = Reader.take
+def take_or_lose(self):
+    data = take(self)
+    return None if data is not None and random.random() < 0.002 else data
+Reader.take = take_or_lose
+"""
+    name = 'one_agent_three_obstacles'
+    undisturbed = run_by_hand(name, tmp_path / 'undisturbed')
+    assert run_by_hand(name, tmp_path / 'lossy', before=lossy) == undisturbed
 
 
 def test_another_seed_gives_another_run(tmp_path):

@@ -111,6 +111,14 @@ def test_robots_that_follow_a_pattern_start_on_it(name):
             np.testing.assert_allclose(start, robot.position, atol=1e-4)
 
 
+def test_the_example_of_the_readme_is_a_scenario(tmp_path):
+    text = (Path(__file__).parents[1] / 'README.md').read_text()
+    example = text.partition('```yaml\n')[2].partition('```')[0]
+    path = tmp_path / 'my_world.yaml'
+    path.write_text(example)
+    assert [robot.name for robot in load_scenario(path).robots] == ['a1_0', 'a1_1']
+
+
 def test_a_wall_normal_of_any_length_is_made_a_unit_vector(tmp_path):
     path = tmp_path / 'mine.yaml'
     path.write_text(GOOD.replace('normal: [0.0, -1.0]', 'normal: [3.0, -4.0]'))

@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -21,11 +21,14 @@ from layered_cbf_ros.errors import GraphError, LayeredCbfError, MessageError
 from layered_cbf_ros.loop_statistics import LoopStatistics
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.nodes.declaring import declare
+from layered_cbf_ros.nodes.inputs import Input
 from layered_cbf_ros.nodes.transport import RESEND_DEPTH, Reader, Writer, latched
 from layered_cbf_ros.timing import LOCKSTEP, Inbox, InputRule, InputRules, TimingParameters
 
+A = TypeVar('A')
 T = TypeVar('T')
 SLICE_S = 0.05  # longest uninterrupted wait: how fast signals and services are answered
+SILENCE_NS = 150_000_000  # after so long a message counts as lost
 SERVICE_PERIOD_NS = 500_000_000
 DIAGNOSTIC_PERIOD_NS = 1_000_000_000
 DELIVERY_S = 0.5
@@ -38,65 +41,6 @@ class StopRequestedError(Exception):
 
 class MissingInputError(GraphError):
     """An input that a lockstep tick needs did not come in time."""
-
-
-class Input(Generic[T]):
-    """One input besides the state: fetched by the timing rule, decoded, refused if bad."""
-
-    def __init__(
-        self,
-        node: GraphNode,
-        reader: Reader,
-        rule: InputRule,
-        decode: Callable[[bytes], T],
-        sender: str,
-        poll_ns: int = 0,
-    ) -> None:
-        self._node = node
-        self._reader = reader
-        self._rule = rule
-        self._decode = decode
-        self._sender = sender
-        self._poll_ns = poll_ns
-        self._inbox = Inbox()
-        self._decoded: tuple[bytes | None, T | None] = (None, None)
-
-    def at(self, tick_ns: int) -> T | None:
-        """Return the input that a tick uses, None if there is none (yet, or any more)."""
-        if self._node.lockstep:
-            wanted = self._rule.wanted(tick_ns)
-            data = None if wanted is None else self._wait_for(wanted)
-        else:
-            data = self._newest(tick_ns)
-        if data is not self._decoded[0]:
-            value = None if data is None else self._node.accept(self._decode, data)
-            self._decoded = (data, value)
-        return self._decoded[1]
-
-    def _offer(self, data: bytes) -> None:
-        self._node.accept(self._inbox.offer, data)
-
-    def _wait_for(self, stamp_ns: int) -> bytes:
-        found = self._inbox.exactly(stamp_ns)
-        give_up_ns = time.monotonic_ns() + round(self._node.timing.patience * 1e9)
-        while found is None:
-            data = self._reader.poll(self._poll_ns)
-            if data is None:
-                self._node.wait(self._reader, give_up_ns, self._sender)
-                continue
-            self._offer(data)
-            found = self._inbox.exactly(stamp_ns)
-        return found
-
-    def _newest(self, tick_ns: int) -> bytes | None:
-        while (data := self._reader.take()) is not None:
-            self._offer(data)
-        return self._node.accept(
-            lambda tick: self._inbox.newest(tick, self._rule.age_limit_ns), tick_ns
-        )
-
-
-A = TypeVar('A')
 
 
 class GraphNode(Node):
@@ -120,6 +64,7 @@ class GraphNode(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         self._next_service_ns = self._next_diagnostic_ns = 0
+        self._heard_ns = 0
 
     def reader(self, message_type: type, topic: str) -> Reader:
         """Subscribe to a topic of the control path."""
@@ -194,13 +139,10 @@ class GraphNode(Node):
         """
         reader = self.reader(JointState, self.state_topic)
         self.become_ready()
-        yield from (
-            self._lockstep_ticks(reader, every_ns)
-            if self.lockstep
-            else (self._real_time_ticks(reader, every_ns))
-        )
+        return self.each(reader, every_ns) if self.lockstep else self._newest(reader, every_ns)
 
-    def _lockstep_ticks(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
+    def each(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
+        """Yield the messages of stamps 0, every_ns, ..., none left out, in order."""
         inbox, wanted = Inbox(), 0
         while True:
             data = reader.take()
@@ -214,7 +156,7 @@ class GraphNode(Node):
                 self.serve()
                 wanted += every_ns
 
-    def _real_time_ticks(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
+    def _newest(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
         last_ns: int | None = None
         while True:
             self.serve()
@@ -240,10 +182,19 @@ class GraphNode(Node):
             StopRequestedError: If the node was asked to end.
         """
         self.serve()
+        begun_ns = time.monotonic_ns()
         reader.wait(SLICE_S)
         now_ns = time.monotonic_ns()
+        if now_ns - begun_ns < round(SLICE_S * 1e9):
+            self._heard_ns = now_ns
+        elif now_ns - self._heard_ns > SILENCE_NS:
+            self._heard_ns = now_ns
+            self.on_silence()
         if give_up_ns is not None and now_ns > give_up_ns:
             raise MissingInputError(f'MISSING {sender}: nothing on {reader.topic}')
+
+    def on_silence(self) -> None:
+        """Do nothing: only who keeps the time asks again for what may be lost."""
 
     def resend(self) -> None:
         """Send the last messages again: somebody seems to have lost one."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 
-from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.interfaces import Array, Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.standard import points, points_from, track_odometry
 from layered_cbf_ros.nodes.declaring import declare
@@ -39,25 +40,34 @@ class ObstacleTrackerNode(GraphNode):
         """Update the tracks on every detection message, seen or empty."""
         self.become_ready()
         memory = self._tracker.start(0)
+        every_ns = self.timing.detection_ns
+        received = self.each(self._detections, every_ns) if self.lockstep else self._as_they_come()
+        for data in received:
+            detections = self.accept(read_points, data)
+            if detections is None:
+                continue
+            begun_ns = time.perf_counter_ns()
+            result = self._tracker.step(memory, *detections)
+            memory = result.state
+            self.statistics.rejected += result.rejected
+            self._publish(memory.stamp_ns, result.tracks)
+            self.statistics.tick(time.perf_counter_ns() - begun_ns)
+
+    def _as_they_come(self) -> Iterator[bytes]:
+        """Yield every message: the tracker itself knows what to do with a late one."""
         while True:
             self.serve()
             data = self._detections.take()
             if data is None:
                 self.wait(self._detections, None, '')
-                continue
-            detections = self.accept(read_points, data)
-            if detections is None:
-                continue
-            begun_ns = time.perf_counter_ns()
-            stamp_ns, positions = detections
-            result = self._tracker.step(memory, stamp_ns, positions)
-            memory = result.state
-            self.statistics.rejected += result.rejected
-            for track in result.tracks:
-                self._tracks.publish(serialize_message(track_odometry(track)))
-            centres = np.array([track.position for track in result.tracks]).reshape(-1, 2)
-            self._tracked.publish(serialize_message(points(memory.stamp_ns, centres)))
-            self.statistics.tick(time.perf_counter_ns() - begun_ns)
+            else:
+                yield data
+
+    def _publish(self, stamp_ns: int, tracks: Sequence[Track]) -> None:
+        for track in tracks:
+            self._tracks.publish(serialize_message(track_odometry(track)))
+        centres = np.array([track.position for track in tracks]).reshape(-1, 2)
+        self._tracked.publish(serialize_message(points(stamp_ns, centres)))
 
 
 def main() -> None:

@@ -87,6 +87,10 @@ class SimulatorNode(GraphNode):
                 begin_ns = self._wait_for_deadline(begin_ns)
         self._wait_for_recorder(self.timing.tick_ns)
 
+    def on_silence(self) -> None:
+        """Send the last states again: who has them already sends its answers again."""
+        self.resend()
+
     def _torques(self) -> Array:
         """Return the commanded torques (N, 12) [Nm]; let silent robots be damped."""
         stamp_ns = self._world.stamp_ns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from operator import itemgetter
 
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
@@ -31,7 +32,7 @@ class TrackInput:
             SENDER,
         )
         self._tracks: dict[str, Track] = {}
-        self._waiting: list[Track] = []
+        self._waiting: dict[tuple[int, str], Track] = {}
 
     def at(self, tick_ns: int) -> tuple[Track, ...]:
         """Return the tracks that a tick uses."""
@@ -48,18 +49,22 @@ class TrackInput:
         if wanted is None or count is None:
             return
         give_up_ns = time.monotonic_ns() + round(self._node.timing.patience * 1e9)
-        while self._known(wanted) < count:
+        while len(due := self._due(wanted)) < count:
             track = self._take()
             if track is None:
                 self._node.wait(self._odometry, give_up_ns, SENDER)
-            else:
-                self._waiting.append(track)
-        due = [track for track in self._waiting if track.stamp_ns == wanted]
+            else:  # one that was sent again takes its own place
+                self._waiting[track.stamp_ns, track.name] = track
         self._tracks = {track.name: track for track in due}
-        self._waiting = [track for track in self._waiting if track.stamp_ns >= wanted]
+        self._waiting = {key: track for key, track in self._waiting.items() if key[0] >= wanted}
 
-    def _known(self, stamp_ns: int) -> int:
-        return sum(track.stamp_ns == stamp_ns for track in self._waiting)
+    def _due(self, stamp_ns: int) -> list[Track]:
+        """Return the tracks of a stamp in an order that does not depend on their way."""
+        return [
+            track
+            for (stamp, _), track in sorted(self._waiting.items(), key=itemgetter(0))
+            if stamp == stamp_ns
+        ]
 
     def _refresh(self, tick_ns: int) -> None:
         """Keep the newest of each name; forget what was lost for too long."""
