@@ -12,7 +12,7 @@ from pathlib import Path
 from live_node import DOMAIN
 
 ENVIRONMENT = os.environ | {'OMP_NUM_THREADS': '1', 'ROS_DOMAIN_ID': str(DOMAIN)}
-LIMIT_S = 300.0
+LIMIT_S = 600.0
 
 
 class LiveRun:
