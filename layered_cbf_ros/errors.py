@@ -3,6 +3,9 @@
 A message names the field, the value that was found and what to do about it.
 """
 
+EXIT_MISSING = 3
+"""Exit code of a node that waited for another in vain."""
+
 
 class LayeredCbfError(Exception):
     """Base of all errors of this package; its text is meant for a person."""

@@ -18,6 +18,12 @@ LEGS = ('FL', 'FR', 'RL', 'RR')
 JOINT_NAMES = tuple(f'{leg}_{joint}_joint' for leg in LEGS for joint in ('hip', 'upper', 'lower'))
 NS_PER_S = 1_000_000_000
 
+GRAVITY = 9.81
+"""Acceleration of gravity [m/s^2]."""
+
+TOE_RADIUS = 0.02
+"""Radius of the sphere at the end of each leg [m]."""
+
 
 @dataclass(frozen=True, slots=True)
 class RobotState:
@@ -143,7 +149,7 @@ class Track:
         position: Centre in the world plane [m], (2,).
         velocity: Its velocity [m/s], (2,).
         covariance: Of position and velocity, (4, 4).
-        radius: Radius of its body [m].
+        radius: Radius of its body [m]; 0 from the tracker, which doesn't see it.
     """
 
     name: str

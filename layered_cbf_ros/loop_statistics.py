@@ -18,6 +18,7 @@ class LoopStatistics:
         self.rejected = 0
         self.last_rejected = ''
         self.waiting_for = ''
+        self.details: dict[str, str] = {}  # what only this kind of node has to tell
         self._solve_ns = np.zeros(KEPT, dtype=np.int64)
         self._solve_max_ns = 0
         self._reported_ticks = 0
@@ -57,4 +58,5 @@ class LoopStatistics:
             'solve_time_p50_us': f'{p50:.0f}',
             'solve_time_p99_us': f'{p99:.0f}',
             'solve_time_max_us': f'{self._solve_max_ns / 1e3:.0f}',
+            **self.details,
         }

@@ -10,13 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from layered_cbf_ros.errors import ParameterError
-from layered_cbf_ros.interfaces import JOINT_NAMES, LEGS, Array
+from layered_cbf_ros.interfaces import JOINT_NAMES, LEGS, TOE_RADIUS, Array
 
-TOE_RADIUS = 0.02
-"""Radius of the sphere at the end of each leg [m]."""
-
-GRAVITY = 9.81
-"""Acceleration of gravity [m/s^2]."""
+FALLEN_TILT = math.radians(60.0)
+"""A trunk tilted beyond this angle from the vertical has fallen [rad]."""
 
 FALLEN_HEIGHT = 0.12
 """A base below this height lies on the ground [m]."""
@@ -190,14 +187,14 @@ def yaw_of(rotation: Array) -> float:
 
 
 def has_fallen(configuration: Array) -> bool:
-    """Tell whether a robot lies: tilted by more than 60 deg, or its base near the ground.
+    """Tell whether a robot lies: tilted beyond FALLEN_TILT, or its base near the ground.
 
     Args:
         configuration: As in RobotState, (19,).
     """
     x, y = configuration[3:5]
     upright = 1.0 - 2.0 * (x * x + y * y)
-    return bool(upright < 0.5 or configuration[2] < FALLEN_HEIGHT)
+    return bool(upright < math.cos(FALLEN_TILT) or configuration[2] < FALLEN_HEIGHT)
 
 
 def _split(spatial: Array, centre: Array, contact: Array) -> None:

@@ -10,7 +10,7 @@ from layered_cbf_ros.patterns import Pattern
 
 @dataclass(frozen=True)
 class VelocityStep:
-    """Desired velocity from a time on: x, y [m/s] in the world, yaw_rate [rad/s]."""
+    """Desired velocity from a time on: x, y [m/s] in the script's frame, yaw_rate [rad/s]."""
 
     at: float
     x: float = 0.0

@@ -14,6 +14,18 @@ from layered_cbf_ros.yaml_entry import suggestion
 
 BODY_RADIUS = 0.3  # a disc of this radius contains a standing A1 [m]
 RESERVED = ('ground',)
+RATES = 'give rates: instead'
+SETTLED = {
+    'time': 'give time: instead',
+    'state_rate': RATES,
+    'plan_rate': RATES,
+    'detection_rate': RATES,
+    'detection_delay': 'give the delay of world: detections: instead',
+    'gait': "give the robot's gait instead",
+}
+"""Node parameters that follow from the rest of a scenario, and what to give instead."""
+SHARED = ('com_height', 'braking')
+SHARING = ('ground_force_mpc', 'whole_body_controller')
 
 Point = tuple[float, float]
 
@@ -40,6 +52,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
     yield from _goals(scenario)
     yield from _pushes(scenario)
     yield from _overrides(scenario)
+    yield from _disagreements(scenario)
 
 
 def _names(scenario: Scenario) -> Iterator[Problem]:
@@ -117,11 +130,24 @@ def _overrides(scenario: Scenario) -> Iterator[Problem]:
                 remedy = f'{suggestion(name, known)}known here are {", ".join(known)}'
                 yield Problem(('parameters', node, name), 'is an unknown parameter', remedy)
                 return
+            if name in SETTLED:
+                what = 'follows from the rest of the scenario'
+                yield Problem(('parameters', node, name), what, SETTLED[name])
         try:
             check_parameters(node, values)
         except ParameterError as error:
             name = next((name for name in values if f'.{name} ' in str(error)), '')
             yield Problem(('parameters', node, name), f'is refused: {error}', 'mend the value')
+
+
+def _disagreements(scenario: Scenario) -> Iterator[Problem]:
+    """Find what the two controllers of a robot must agree on and don't."""
+    mine, theirs = (scenario.parameters.get(node, {}) for node in SHARING)
+    for name in SHARED:
+        if mine.get(name) != theirs.get(name):
+            node = SHARING[name not in mine]
+            what = f'differs between {" and ".join(SHARING)}'
+            yield Problem(('parameters', node, name), what, 'give both the same')
 
 
 def _room(point: Point, wall: Wall) -> float:

@@ -17,9 +17,10 @@ from layered_cbf_ros.scenario import (
     Wall,
     World,
 )
+from layered_cbf_ros.timing import LOCKSTEP, REAL_TIME
 from layered_cbf_ros.yaml_entry import Entry
 
-TIMES = ('lockstep', 'real_time')
+TIMES = (LOCKSTEP, REAL_TIME)
 PLANTS = ('bullet',)
 GAITS = ('trot', 'stand')
 STATE_RATES = (1000, 500, 250)  # whole steps of the simulator's 1 ms

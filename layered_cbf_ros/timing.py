@@ -97,6 +97,41 @@ class InputRules:
         self.command = InputRule(tick, tick, round(timing.command_age_limit * NS_PER_S))
 
 
+class StampGuard:
+    """Tells a running clock from single stamps that are wrong.
+
+    One message with another clock's stamp would otherwise silence a node that
+    waits for newer ones. A jump ahead is believed when a second stamp follows it.
+    """
+
+    def __init__(self, longest_gap_ns: int = NS_PER_S) -> None:
+        self._gap_ns = longest_gap_ns
+        self._last_ns: int | None = None
+        self._suspect_ns: int | None = None
+
+    def check(self, data: bytes) -> int:
+        """Take note of a message; return its stamp [ns].
+
+        Raises:
+            MessageError: If it is from the past, or far ahead and alone so far.
+        """
+        stamp_ns = stamp_of(data)
+        if self._last_ns is None or self._follows(stamp_ns, self._last_ns):
+            self._last_ns, self._suspect_ns = stamp_ns, None
+        elif stamp_ns < self._last_ns:
+            late = (self._last_ns - stamp_ns) / NS_PER_S
+            raise MessageError(f'stamp {stamp_ns / NS_PER_S:.3f} s is {late:.3f} s in the past')
+        elif self._suspect_ns is not None and self._follows(stamp_ns, self._suspect_ns):
+            self._last_ns, self._suspect_ns = stamp_ns, None
+        else:
+            self._suspect_ns = stamp_ns
+            raise MessageError(f'stamp {stamp_ns / NS_PER_S:.3f} s is in the future')
+        return stamp_ns
+
+    def _follows(self, stamp_ns: int, last_ns: int) -> bool:
+        return 0 <= stamp_ns - last_ns <= self._gap_ns
+
+
 class Inbox:
     """The messages of one input that may still be needed, by stamp.
 
@@ -105,12 +140,14 @@ class Inbox:
 
     def __init__(self, capacity: int = 64) -> None:
         self._messages: dict[int, bytes] = {}
-        self._seen: deque[int] = deque(maxlen=capacity)
+        self._seen: deque[int] = deque(maxlen=2 * capacity)
         self._capacity = capacity
         self._used_ns = -1
 
     def offer(self, data: bytes) -> bool:
         """Keep a message; return False if it was there before.
+
+        When there are too many, the farthest ahead goes: the present counts.
 
         Raises:
             MessageError: If it has no header, or a stamp from the past.
@@ -124,7 +161,7 @@ class Inbox:
         self._seen.append(stamp_ns)
         self._messages[stamp_ns] = data
         if len(self._messages) > self._capacity:
-            del self._messages[min(self._messages)]
+            self._forget(max(self._messages))
         return True
 
     def exactly(self, stamp_ns: int) -> bytes | None:
@@ -134,20 +171,24 @@ class Inbox:
         self._forget_before(stamp_ns)
         return self._messages[stamp_ns]
 
-    def newest(self, tick_ns: int, age_limit_ns: int) -> bytes | None:
-        """Return the newest message of a tick's time, None if it is too old.
+    def drop_after(self, stamp_ns: int) -> int:
+        """Forget the messages of a later stamp; return how many there were."""
+        ahead = [stamp for stamp in self._messages if stamp > stamp_ns]
+        for stamp in ahead:
+            self._forget(stamp)
+        return len(ahead)
 
-        Raises:
-            MessageError: If a message's stamp lies in the future; it is dropped.
-        """
+    def newest(self, tick_ns: int, age_limit_ns: int) -> bytes | None:
+        """Return the newest message, None if it is too old; forget the others."""
         if not self._messages:
             return None
         stamp_ns = max(self._messages)
-        if stamp_ns > tick_ns + age_limit_ns:
-            del self._messages[stamp_ns]
-            raise MessageError(f'stamp {stamp_ns / NS_PER_S:.3f} s is in the future')
         self._forget_before(stamp_ns)
         return self._messages[stamp_ns] if tick_ns - stamp_ns <= age_limit_ns else None
+
+    def _forget(self, stamp_ns: int) -> None:
+        del self._messages[stamp_ns]
+        self._seen.remove(stamp_ns)
 
     def _forget_before(self, stamp_ns: int) -> None:
         self._used_ns = stamp_ns

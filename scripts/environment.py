@@ -1,4 +1,4 @@
-"""Find or make the Python environment of this project, and start programs in it.
+"""Where the Python environment of this project is, whether it is ready, and what it sets.
 
 Standard library only, and it runs on old Pythons too, so that a person is told
 what is wrong instead of being shown a syntax error. Nothing here needs a network
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -91,36 +90,3 @@ def _leave_other_ros(run: dict[str, str]) -> None:
     kept = [path for path in libraries if path and not path.startswith(prefixes)]
     if kept:
         run['LD_LIBRARY_PATH'] = os.pathsep.join(kept)
-
-
-def prepare() -> tuple[Path, dict[str, str]]:
-    """Return the environment, made first if it must be, and its variables.
-
-    Exits with one line on standard error if it can't be made.
-    """
-    variables = dict(os.environ)
-    venv = venv_folder(variables)
-    wanted = fingerprint(variables)
-    if not is_ready(venv, wanted):
-        import installation  # a ready environment starts without it
-
-        try:
-            installation.install(venv, wanted, jazzy_is_complete(variables))
-        except SetupError as error:
-            sys.exit(f'setup: {error}')
-        except KeyboardInterrupt:
-            sys.exit('\nsetup: interrupted; the next start does it again')
-    return venv, run_variables(variables, venv)
-
-
-def executables(venv: Path) -> list[str]:
-    """Return the names of the programs of this package."""
-    folder = venv / 'lib' / PACKAGE
-    return sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-
-
-def start(venv: Path, variables: dict[str, str], name: str, arguments: list[str]) -> None:
-    """Become one of the programs; does not return."""
-    program = venv / 'lib' / PACKAGE / name
-    sys.stdout.flush()
-    os.execve(str(program), [str(program), *arguments], variables)

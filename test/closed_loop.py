@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from layered_cbf_ros.ground_forces.ground_force_mpc import GroundForceMpc, MpcInputs
+from layered_cbf_ros.ground_forces.ground_force_mpc import GroundForceMpc, MpcInputs, MpcStatus
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.ground_forces.single_rigid_body import RigidBody
 from layered_cbf_ros.interfaces import (
@@ -186,7 +186,7 @@ class Planner:
         )
         result = self._mpc.step(self._state, inputs)
         self._state = result.state
-        self.failures += result.solver_failed
+        self.failures += result.status is not MpcStatus.SOLVED
         return result.plan
 
 

@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from layered_cbf_ros.bags.reader import BagReader, read_messages
-from layered_cbf_ros.bags.recording import TopicChoice, TopicCounter, counter_for
+from layered_cbf_ros.bags.recording import TopicCounter, counter_for
 from layered_cbf_ros.bags.series import JointStates, JointTrajectories, PlannedMotions
 from layered_cbf_ros.bags.writer import BagWriter
 from layered_cbf_ros.errors import BagError, LayeredCbfError
@@ -298,15 +298,6 @@ def test_a_message_that_does_not_fit_its_type_is_named(tmp_path):
     path.write_bytes(HEAD + CHANNEL + record(5, odd) + TAIL)
     with pytest.raises(BagError, match='/said'):
         list(read_messages(path))
-
-
-def test_topics_are_chosen_by_pattern():
-    choice = TopicChoice(include=('/a1_*', '/state'), exclude=('*/imu',))
-    assert choice.takes('/a1_0/odom')
-    assert choice.takes('/state')
-    assert not choice.takes('/a1_0/imu')
-    assert not choice.takes('/rosout')
-    assert TopicChoice().takes('/anything/at/all')
 
 
 @pytest.mark.parametrize('lost', [(), (5,), (3, 4, 5, 40), tuple(range(10, 60, 2))])

@@ -13,12 +13,11 @@ from layered_cbf_ros.coordination.exchange import CoordinationInputs
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.coordination.planner_qp import QpStatus
 from layered_cbf_ros.interfaces import Track
-from layered_cbf_ros.parameters import from_file
 from layered_cbf_ros.patterns import Circle, Line
-from layered_cbf_ros.resources import find_folder
 from layered_cbf_ros.scenario import Desired, Robot, VelocityStep, Wall
 
-P = CoordinatorParameters(rate=50, max_obstacles=3)  # 50 Hz: twenty times fewer ticks
+P = CoordinatorParameters(max_obstacles=3)
+RATE = 50  # 50 Hz: twenty times fewer ticks
 WALLS = (Wall('left', (0.0, 3.0), (0.0, -1.0)), Wall('right', (0.0, -3.0), (0.0, 1.0)))
 COVARIANCE = np.diag([1e-4, 1e-4, 2.5e-3, 2.5e-3])
 RUNNER = Robot('a1_0', (-8.0, 0.0), desired=Desired(goal=(10.0, 0.0)))
@@ -43,6 +42,7 @@ def told(state, tracks=(), commands=None, **changes):
         np.zeros(count, dtype=bool),
         tuple(tracks),
         commands or (None,) * count,
+        state.yaws.copy(),
     )
     return replace(inputs, **changes)
 
@@ -53,17 +53,17 @@ def track(name, position, velocity=(0.0, 0.0), stamp_ns=0):
 
 def closed_loop(robots, walls, obstacles, duration, coordinator=None):
     """Walk double integrators; return the last state, the least distance and the results."""
-    coordinator = coordinator or Coordinator(P, robots, walls)
+    coordinator = coordinator or Coordinator(P, robots, walls, RATE)
     state, least, results = coordinator.start(0), math.inf, []
-    for k in range(round(duration * P.rate)):
-        seen = max(k / P.rate - 0.02, 0.0)
+    for k in range(round(duration * RATE)):
+        seen = max(k / RATE - 0.02, 0.0)
         tracks = [
             track(f'o{i}', *pattern.at(seen), stamp_ns=round(seen * 1e9))
             for i, pattern in enumerate(obstacles)
         ]
         result = coordinator.step(state, told(state, tracks))
         state = result.state
-        bodies = [pattern.at((k + 1) / P.rate)[0] for pattern in obstacles]
+        bodies = [pattern.at((k + 1) / RATE)[0] for pattern in obstacles]
         places = np.concatenate((state.positions, np.reshape(bodies, (-1, 2))))
         for i in range(len(robots)):
             gaps = np.hypot(*(places[i + 1 :] - places[i]).T)
@@ -114,7 +114,7 @@ def test_a_flipped_sign_lets_bodies_touch(monkeypatch, kind):
 
     monkeypatch.setattr(coordinator_module, kind, Reversed)
     robots, obstacles = (SWAP, ()) if kind == 'AgentAgent' else ((RUNNER,), PATTERNS)
-    _, least, _ = closed_loop(robots, (), obstacles, 20.0, Coordinator(P, robots, ()))
+    _, least, _ = closed_loop(robots, (), obstacles, 20.0, Coordinator(P, robots, (), RATE))
     assert least < 0.6
 
 
@@ -143,7 +143,7 @@ def test_same_inputs_give_the_same_plan_to_the_bit():
 
 def test_plan_that_is_not_finite_brakes_and_says_so():
     """A velocity of NaN can't be braked, but the other robot's is."""
-    coordinator = Coordinator(P, SWAP, ())
+    coordinator = Coordinator(P, SWAP, (), RATE)
     state = coordinator.start(0)
     state.velocities[:] = [[np.nan, 0.0], [-0.2, 0.0]]
     result = coordinator.step(state, told(state))
@@ -153,7 +153,7 @@ def test_plan_that_is_not_finite_brakes_and_says_so():
 
 
 def test_bad_tracks_states_and_commands_are_ignored_and_counted():
-    coordinator = Coordinator(P, SWAP, WALLS)
+    coordinator = Coordinator(P, SWAP, WALLS, RATE)
     state = coordinator.start(0)
     clean = coordinator.step(state, told(state))
     unknown = state.positions.copy()
@@ -174,7 +174,7 @@ def test_bad_tracks_states_and_commands_are_ignored_and_counted():
 
 
 def test_nearest_tracks_are_kept_when_there_are_too_many():
-    coordinator = Coordinator(P, (RUNNER,), ())
+    coordinator = Coordinator(P, (RUNNER,), (), RATE)
     state = coordinator.start(0)
     tracks = [track(f'o{x}', (x, 0.0)) for x in (9.0, 1.0, 8.0, 2.0, 0.0)]
     result = coordinator.step(state, told(state, tracks))
@@ -187,10 +187,10 @@ def test_nearest_tracks_are_kept_when_there_are_too_many():
 def test_fallen_robot_is_frozen_and_others_walk_around_it():
     """Robot 1 lies in the way, 5 cm off its plan: its plan waits where it lies."""
     robots = (SWAP[0], Robot('a1_1', (0.0, 0.0)))
-    coordinator = Coordinator(P, robots, ())
+    coordinator = Coordinator(P, robots, (), RATE)
     state, least = coordinator.start(0), math.inf
     place, fallen = np.array([0.03, 0.04]), np.array([False, True])
-    for _ in range(25 * P.rate):
+    for _ in range(25 * RATE):
         inputs = told(state, fallen=fallen)
         inputs.positions[1] = place
         result = coordinator.step(state, inputs)
@@ -203,7 +203,7 @@ def test_fallen_robot_is_frozen_and_others_walk_around_it():
 
 
 def test_robot_far_from_its_plan_raises_an_alarm_until_it_is_slow():
-    coordinator = Coordinator(P, SWAP, ())
+    coordinator = Coordinator(P, SWAP, (), RATE)
     state = coordinator.start(0)
     inputs = told(state)
     inputs.positions[0] += (0.0, P.tracking_alarm + 0.01)
@@ -219,7 +219,7 @@ def test_robot_far_from_its_plan_raises_an_alarm_until_it_is_slow():
 
 def test_old_track_keeps_the_robot_farther_away():
     """Fear grows with age: the same obstacle, last seen a second ago, has a smaller psi0."""
-    coordinator = Coordinator(P, (RUNNER,), ())
+    coordinator = Coordinator(P, (RUNNER,), (), RATE)
     state = coordinator.start(0)
     state = replace(state, stamp_ns=10**9)
     fresh, stale = (
@@ -230,7 +230,7 @@ def test_old_track_keeps_the_robot_farther_away():
 
 
 def test_missed_ticks_let_the_plan_coast_but_not_run_away():
-    coordinator = Coordinator(P, (RUNNER,), ())
+    coordinator = Coordinator(P, (RUNNER,), (), RATE)
     state = coordinator.start(0)
     state.velocities[0] = (0.4, 0.0)
     result = coordinator.step(state, told(state, stamp_ns=10**9))
@@ -242,14 +242,14 @@ def test_missed_ticks_let_the_plan_coast_but_not_run_away():
 def test_command_overrides_the_goal_and_turns_with_the_robot():
     """Forward of a robot that looks to the left (+y) is +y; a goal alone never turns it."""
     robot = replace(RUNNER, yaw=math.pi / 2)
-    coordinator = Coordinator(P, (robot,), ())
+    coordinator = Coordinator(P, (robot,), (), RATE)
     state = coordinator.start(0)
-    for _ in range(3 * P.rate):
+    for _ in range(3 * RATE):
         result = coordinator.step(state, told(state, commands=(VelocityCommand(0.3, 0.0),)))
         state = result.state
     assert np.allclose(state.velocities[0], (0.0, 0.3), atol=0.01)
     result = coordinator.step(state, told(state, commands=(VelocityCommand(0.0, 0.0, 9.0),)))
-    assert 0.0 < result.state.yaw_rates[0] <= P.yaw_acceleration_limit / P.rate + 1e-12
+    assert 0.0 < result.state.yaw_rates[0] <= P.yaw_acceleration_limit / RATE + 1e-12
     assert coordinator.step(state, told(state)).state.yaws[0] == pytest.approx(math.pi / 2)
 
 
@@ -280,6 +280,20 @@ def test_robot_that_stands_keeps_its_place():
     assert np.allclose(state.positions[0], (3.0, 0.0), atol=0.05)
 
 
-def test_parameter_file_holds_the_defaults():
-    path = find_folder('params') / 'coordinator.yaml'
-    assert from_file(CoordinatorParameters, path, 'coordinator') == CoordinatorParameters()
+def test_a_coordinator_that_starts_anew_begins_where_the_robots_are():
+    """Measured poses go before the scenario's; what is unknown is taken from it."""
+    state = Coordinator(P, SWAP, (), RATE).start(
+        5, np.array([[1.0, 2.0], [np.nan, np.nan]]), np.array([0.7, np.nan])
+    )
+    assert state.positions.tolist() == [[1.0, 2.0], [3.0, 0.0]]
+    assert state.yaws.tolist() == [0.7, math.pi]
+    assert not state.velocities.any()
+
+
+def test_a_plan_freezes_at_the_measured_heading():
+    coordinator = Coordinator(P, SWAP, (), RATE)
+    state = coordinator.start(0)
+    measured = told(state, fallen=np.array([True, False]), yaws=np.array([0.9, np.nan]))
+    motions = coordinator.step(state, measured).motions
+    assert motions[0].yaw == 0.9
+    assert motions[1].yaw == math.pi

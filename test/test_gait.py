@@ -67,6 +67,27 @@ def test_halt_before_the_first_step_or_between_swings_stands_at_once():
     assert stance_over(gait, between, 2000, between_ns).all()
 
 
+@pytest.mark.parametrize('halted_ticks', [1, 50])
+def test_a_halt_at_the_start_does_not_shorten_the_time_on_four_feet(halted_ticks):
+    """No motion is known at the first ticks: the robot halts, then is told to walk."""
+    gait = Gait(GroundForceParameters(stand_time=0.2))
+    state = gait.start(START_NS)
+    for tick in range(200):
+        stamp_ns = START_NS + tick * TICK_NS
+        state = gait.advance(state, stamp_ns, stand=tick < halted_ticks)
+        stands = gait.in_stance(state, np.array([stamp_ns]))[0].all()
+        assert stands == (tick * TICK_NS < 200 * MS)
+
+
+@pytest.mark.parametrize('stand_time', [0.0, 0.2])
+def test_a_robot_told_to_stand_never_lifts_a_foot(stand_time):
+    gait = Gait(GroundForceParameters(stand_time=stand_time))
+    state = gait.start(START_NS)
+    for tick in [*range(5), *range(400, 600)]:  # a gap is no reason to walk either
+        state = gait.advance(state, START_NS + tick * TICK_NS, stand=True)
+        assert stance_over(gait, state, 500).all()
+
+
 def test_withdrawn_halt_leaves_no_trace_in_mid_swing_and_starts_anew_later():
     gait = Gait(GroundForceParameters(stand_time=0.0))
     trotting = gait.start(START_NS)

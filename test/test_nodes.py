@@ -12,18 +12,19 @@ from geometry_msgs.msg import PoseArray
 from live_node import LiveNode
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import MultiDOFJointTrajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
-from layered_cbf_ros.interfaces import JOINT_NAMES, NS_PER_S, PlannedMotion, RobotState
+from layered_cbf_ros.interfaces import JOINT_NAMES, NS_PER_S, PlannedMotion, RobotState, Track
 from layered_cbf_ros.messages.joint_state import JointStateWriter
 from layered_cbf_ros.messages.robot_state import StateWriter
-from layered_cbf_ros.messages.standard import named_values, points
+from layered_cbf_ros.messages.standard import named_values, points, track_odometry
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
 from layered_cbf_ros.robot_model import RobotModel
 
 pytestmark = pytest.mark.system
 
 MS = 1_000_000
+COV = np.diag([1e-4, 1e-4, 1e-3, 1e-3])
 REAL_TIME = ('-p', 'time:=real_time')
 WEIGHT_TORQUE = 1.0  # a standing robot's joints carry more than this [Nm]
 
@@ -87,6 +88,17 @@ def test_controllers_refuse_bad_states_and_go_on(controller):
     assert np.abs(efforts[-1]).max() > WEIGHT_TORQUE
 
 
+def test_one_state_of_another_clock_does_not_silence_a_controller(controller):
+    live, name = controller
+    heard, states = listen(live, name), StateSender(live)
+    live.until_matched(states.publisher)
+    live.until(lambda: len(heard) > 5, states.send)
+    strange = standing_state(states.stamp_ns + 3600 * NS_PER_S)
+    states.publisher.publish(StateWriter(['a1_0']).encode([strange]))
+    count = len(heard)
+    live.until(lambda: len(heard) > count + 20, states.send)
+
+
 def test_controllers_stand_when_the_plan_is_not_a_number(controller):
     """A bad plan is no plan: the robot brakes and stands, and its forces carry it."""
     live, name = controller
@@ -129,6 +141,33 @@ def test_coordinator_does_not_know_a_broken_track(tmp_path):
     assert live.stop() == 0
 
 
+def test_an_obstacle_is_not_forgotten_when_its_tracker_falls_silent():
+    """Its barrier stays, and its reachable set grows: the barrier falls with its age."""
+    live = LiveNode('coordinator', '-p', 'scenario:=one_agent_three_obstacles', *REAL_TIME)
+    told: list[JointTrajectory] = []
+    live.node.create_subscription(JointTrajectory, '/coordinator/barriers', told.append, 10)
+    tracks = live.node.create_publisher(Odometry, '/obstacles/tracks', 10)
+    states = StateSender(live)
+    live.until_matched(states.publisher, tracks)
+    track = Track('cart', states.stamp_ns, np.array([3.0, 0.0]), np.array([0.3, 0.0]), COV, 0.3)
+    pair = 'a1_0~cart'
+
+    def psi0() -> float:
+        message = told[-1]
+        return message.points[-1].positions[message.joint_names.index(pair)]
+
+    def act() -> None:
+        tracks.publish(track_odometry(dataclasses.replace(track, stamp_ns=states.stamp_ns)))
+        states.send()
+
+    live.until(lambda: bool(told) and pair in told[-1].joint_names, act)
+    seen_at, fresh = states.stamp_ns, psi0()
+    live.until(lambda: states.stamp_ns > seen_at + 3 * NS_PER_S, states.send)
+    assert pair in told[-1].joint_names
+    assert psi0() < fresh - 0.2
+    assert live.stop() == 0
+
+
 def test_simulator_damps_a_robot_whose_commands_are_bad():
     """Neither NaN nor unknown joints nor silence moves a motor; time goes on."""
     live = LiveNode('simulator', '-p', 'scenario:=stand', *REAL_TIME)
@@ -168,6 +207,7 @@ def test_tracker_refuses_detections_that_are_not_numbers():
         stamp_ns[0] += 10 * MS
         detections.publish(points(stamp_ns[0], np.array([[1.0, 2.0], [math.nan, 0.0]])))
 
+    detections.publish(b'\x00\x01\x00\x00\x01')  # cut short: no reason to die
     live.until(lambda: int(live.figures.get('rejected', 0)) > 0 and len(tracks) > 5, act)
     at = tracks[-1].pose.pose.position
     assert (at.x, at.y) == pytest.approx((1.0, 2.0), abs=0.01)

@@ -209,7 +209,7 @@ def test_an_object_is_believed_from_its_third_detection_on():
     assert not run.see(0, points((1, 2))).tracks
     assert not run.see(1, points((1, 2))).tracks
     track = run.see(2, points((1, 2))).tracks['obstacle_1']
-    assert (track.stamp_ns, track.radius) == (2 * DT_NS, PARAMETERS.radius)
+    assert (track.stamp_ns, track.radius) == (2 * DT_NS, 0.0)
     np.testing.assert_allclose(track.position, (1, 2), atol=1e-12)
 
 
@@ -262,6 +262,53 @@ def test_a_message_too_late_or_given_twice_is_rejected_and_counted():
         run.see(tick, points((0.001, 0), (3, 3)))
         assert run.rejected == 2
     np.testing.assert_array_equal(run.tracks['obstacle_1'].position, before.position)
+
+
+def watched(ticks):
+    run = Run()
+    for tick in range(ticks):
+        run.see(tick, points((0, 0)))
+    return run
+
+
+WALL_CLOCK = 170_000_000_000  # in ticks: far from any simulated time
+OTHER_WALL_CLOCK = WALL_CLOCK + 1 + round(PARAMETERS.death_time / DT)
+
+
+@pytest.mark.parametrize('wrong', [(WALL_CLOCK,), (WALL_CLOCK, OTHER_WALL_CLOCK)])
+def test_a_message_with_a_foreign_stamp_is_rejected_and_changes_nothing(wrong):
+    run, other = watched(10), watched(10)
+    for tick in wrong:
+        run.see(tick, points((0, 0), (3, 3)))
+        assert run.rejected == 2
+        assert run.state.stamp_ns == 9 * DT_NS
+    run.see(10, points((0.001, 0)))
+    other.see(10, points((0.001, 0)))
+    assert run.rejected == 0
+    ours, theirs = (it.tracks['obstacle_1'] for it in (run, other))
+    assert ours.stamp_ns == theirs.stamp_ns
+    np.testing.assert_array_equal(ours.covariance, theirs.covariance)
+
+
+@pytest.mark.parametrize('begin', [WALL_CLOCK, 1000])
+def test_a_jump_that_is_confirmed_begins_anew_without_using_a_name_again(begin):
+    run = watched(10)
+    for tick in range(begin, begin + 5):
+        run.see(tick, points((1, 2)))
+        assert run.rejected == (tick == begin)
+    assert list(run.tracks) == ['obstacle_2']
+    assert run.tracks['obstacle_2'].stamp_ns == (begin + 4) * DT_NS
+    for tick in range(5):  # and back, as when the plant was started again
+        run.see(tick, points((1, 2)))
+    assert list(run.tracks) == ['obstacle_3']
+
+
+def test_two_clocks_that_take_turns_do_not_throw_the_tracker_about():
+    run = watched(10)
+    for tick in range(10, 20):
+        run.see(WALL_CLOCK + tick, points((5, 5)))
+        run.see(tick, points((0, 0)))
+    assert list(run.tracks) == ['obstacle_1']
 
 
 def test_a_step_leaves_the_state_it_was_given_alone():

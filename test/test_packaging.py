@@ -66,24 +66,64 @@ def manifest():
     return ElementTree.parse(ROOT / 'package.xml').getroot()
 
 
+def imports(path):
+    """Return the names of the modules that a file imports, inside functions too."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+    return found
+
+
 def imported_modules():
     """Return the top-level modules of others that the package imports."""
-    found = set()
-    for path in PACKAGE.rglob('*.py'):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                found |= {alias.name.split('.')[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                found.add(node.module.split('.')[0])
+    found = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
     return found - set(sys.stdlib_module_names) - {'layered_cbf_ros'}
+
+
+def published_types():
+    """Return the message types that nodes send, and the two that rclpy sends for each node.
+
+    A type that is sent is handed on, as an argument or in a tuple; others are only called.
+    """
+    found = {'rcl_interfaces/msg/Log', 'rcl_interfaces/msg/ParameterEvent'}
+    for path in (PACKAGE / 'nodes').glob('*.py'):
+        nodes = list(ast.walk(ast.parse(path.read_text())))
+        calls = [node.args for node in nodes if isinstance(node, ast.Call)]
+        tuples = [node.elts for node in nodes if isinstance(node, ast.Tuple)]
+        handed_on = {it.id for group in calls + tuples for it in group if isinstance(it, ast.Name)}
+        for node in nodes:
+            if isinstance(node, ast.ImportFrom) and node.module.endswith('.msg'):
+                names = {alias.name for alias in node.names} & handed_on
+                found |= {f'{node.module.replace(".", "/")}/{name}' for name in names}
+    return found
 
 
 def test_package_xml_names_what_is_imported_or_recorded_and_nothing_else(manifest):
     declared = {tag.text for kind in ('depend', 'exec_depend') for tag in manifest.iter(kind)}
     imported = {KEYS.get(module, module) for module in imported_modules()}
-    recorded = {path.name for path in (ROOT / 'msg_schemas').iterdir() if path.is_dir()}
-    assert imported <= declared
-    assert declared - imported <= recorded
+    assert declared == imported | {name.partition('/')[0] for name in published_types()}
+
+
+def test_there_is_a_schema_of_every_type_that_is_published_and_of_no_other():
+    schemas = {
+        str(path.relative_to(ROOT / 'msg_schemas').with_suffix(''))
+        for path in (ROOT / 'msg_schemas').rglob('*.msg')
+    }
+    assert schemas == published_types()
+
+
+@pytest.mark.parametrize('name', ['environment', 'installation', 'starting'])
+def test_the_scripts_do_not_import_each_other_in_a_circle(name):
+    files = {path.stem: path for path in (ROOT / 'scripts').glob('*.py')}
+    reached, waiting = set(), {name}
+    while waiting:
+        new = imports(files[waiting.pop()]) & set(files) - reached
+        reached |= new
+        waiting |= new
+    assert name not in reached
 
 
 def test_setup_py_requires_what_is_imported_beside_ros(setup_arguments):

@@ -10,9 +10,9 @@ from pybullet_utils.bullet_client import BulletClient
 
 from layered_cbf_ros import robot_model
 from layered_cbf_ros.errors import ParameterError
-from layered_cbf_ros.interfaces import JOINT_NAMES
+from layered_cbf_ros.interfaces import GRAVITY, JOINT_NAMES, TOE_RADIUS
 from layered_cbf_ros.plants.bullet_robot import BulletRobot
-from layered_cbf_ros.robot_model import GRAVITY, TOE_RADIUS, RobotModel, find_urdf
+from layered_cbf_ros.robot_model import RobotModel, find_urdf
 
 STEP = 1e-5
 # Central differences of smooth motions of size one err by STEP^2 and by 1e-15 / STEP.

@@ -16,8 +16,9 @@ from rclpy.node import Node
 from layered_cbf_ros.errors import GraphError, LayeredCbfError, ParameterError
 from layered_cbf_ros.patterns import Standing
 from layered_cbf_ros.resources import find_folder
-from layered_cbf_ros.scenario import Desired, Detections, Obstacle, Robot, Scenario, World
-from layered_cbf_ros.scenario_file import load_scenario
+from layered_cbf_ros.scenario import Desired, Detections, Obstacle, Rates, Robot, Scenario, World
+from layered_cbf_ros.scenario_checks import problems
+from layered_cbf_ros.scenario_file import from_json, load_scenario, to_json
 from layered_cbf_ros.supervision import shared_memory
 from layered_cbf_ros.supervision.child import Child, describe_exit, node_command
 from layered_cbf_ros.supervision.command_line import parse
@@ -26,6 +27,7 @@ from layered_cbf_ros.supervision.printer import Printer, progress_line, table_li
 from layered_cbf_ros.supervision.process_plan import ProcessSpec, process_plan
 from layered_cbf_ros.supervision.run_folder import make_run_folder
 from layered_cbf_ros.supervision.run_parameters import (
+    explicit,
     parameter_file,
     read_defaults,
     run_parameters,
@@ -141,10 +143,55 @@ def test_ros_reads_the_parameter_file_as_it_was_meant(tmp_path):
 
 def test_a_run_folder_explains_itself_and_is_never_written_over(tmp_path):
     folder = make_run_folder(SCENARIO, '20260101_000000', tmp_path / 'run', record=True)
-    assert load_scenario(folder.scenario) == SCENARIO
+    run = load_scenario(folder.scenario)
+    assert replace(run, parameters={}) == SCENARIO
     assert f'scenario: {folder.scenario}' in folder.parameters.read_text()
     with pytest.raises(LayeredCbfError, match='not empty'):
         make_run_folder(SCENARIO, '20260101_000000', tmp_path / 'run', record=True)
+
+
+def test_the_scenario_of_a_run_holds_the_values_it_had(tmp_path):
+    """Also those of params/*.yaml: a bag is judged by them, and they may have changed since."""
+    scenario = replace(SCENARIO, parameters={'coordinator': {'alpha1': 0.7}})
+    run = explicit(scenario, {'coordinator': {'agent_radius': 0.4, 'alpha1': 0.5}})
+    coordinator = run.parameters['coordinator']
+    assert (coordinator['agent_radius'], coordinator['alpha1']) == (0.4, 0.7)
+    assert from_json(to_json(run)) == run
+    again = run_parameters(run, {}, Path('s'), None)
+    defaults = {'coordinator': {'agent_radius': 0.4, 'alpha1': 0.5}}
+    assert again == run_parameters(scenario, defaults, Path('s'), None)
+
+
+def test_files_that_contradict_each_other_are_refused_before_anything_starts():
+    with pytest.raises(ParameterError, match=r'com_height differs.*give both the same'):
+        explicit(SCENARIO, {'ground_force_mpc': {'com_height': 0.25}})
+
+
+def test_what_the_run_settles_a_scenario_may_not_give():
+    """It would be overwritten without a word."""
+    quiet = run_parameters(SCENARIO, {}, Path('s'), None)
+    settled = run_parameters(
+        replace(
+            SCENARIO,
+            time='real_time',
+            rates=Rates(500, 250, 50),
+            world=World(detections=Detections(delay=0.1)),
+            robots=tuple(replace(robot, gait='stand') for robot in SCENARIO.robots),
+        ),
+        {},
+        Path('s'),
+        None,
+    )
+    found = {
+        (name.rpartition('/')[2], key): value
+        for name, values in quiet.items()
+        for key, value in values.items()
+        if settled[name][key] != value
+    }
+    assert len(found) == 5 * 5 + 1  # five values at five nodes, and the gait
+    for (node, key), value in found.items():
+        (problem,) = problems(replace(SCENARIO, parameters={node: {key: value}}))
+        assert problem.path == ('parameters', node, key)
 
 
 # --- the course of a run, with scripted processes ----------------------------------
@@ -274,6 +321,16 @@ def test_a_hung_plant_is_noticed_though_nobody_misses_it():
     news = News(frozenset(NAMES), run.now, silent=(SIM,))
     assert run.play(19.0, news) is None
     assert run.play(3.0, news).missing == (SIM,)
+
+
+def test_in_real_time_too_a_hung_plant_is_noticed_and_no_robot_blamed_that_lies():
+    run = History(replace(SCENARIO, time='real_time'), standstill=20.0)
+    run.play_clock(5.0)
+    run[WBC].code = -signal.SIGKILL
+    news = News(frozenset(NAMES), run.now, silent=(WBC, SIM))
+    assert run.play(19.0, news) is None
+    outcome = run.play(3.0, news)
+    assert (outcome.code, outcome.missing) == (Code.FAILED, (SIM,))
 
 
 def test_slow_but_steady_is_no_standstill():

@@ -72,6 +72,15 @@ def test_smallest_distance_is_that_of_the_worst_margin(walk):
     assert verdict.promised_distance_m == pytest.approx(0.3 + 0.25)
 
 
+def test_the_promise_is_that_of_the_run(walk):
+    record = load_run(walk)
+    scenario = dataclasses.replace(
+        record.scenario, parameters={'coordinator': {'agent_radius': 0.35}}
+    )
+    verdict = judge_record(dataclasses.replace(record, scenario=scenario))
+    assert verdict.promised_distance_m == pytest.approx(0.35 + 0.25)
+
+
 def test_limits_decide(walk):
     assert not judge(walk, Limits(torque=COARSE.torque - 0.1)).passed
     assert judge(walk, Limits(torque=COARSE.torque)).passed

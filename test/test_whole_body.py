@@ -5,16 +5,13 @@ What it does to a walking robot is told by test_locomotion.py.
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from layered_cbf_ros.interfaces import GroundForcePlan, PlannedMotion, RobotState
-from layered_cbf_ros.parameters import from_file
-from layered_cbf_ros.robot_model import GRAVITY, RobotModel, find_urdf
-from layered_cbf_ros.rounding import rounded
+from layered_cbf_ros.interfaces import GRAVITY, GroundForcePlan, PlannedMotion, RobotState
+from layered_cbf_ros.robot_model import RobotModel, find_urdf
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 from layered_cbf_ros.whole_body.swing_curve import SwingCurve
 from layered_cbf_ros.whole_body.torque_qp import TorqueQp
@@ -76,11 +73,6 @@ def plan_of(stamp_ns, phase, rate, footholds, forces=None):
     return GroundForcePlan(
         stamp_ns, forces, footholds, np.array(phase), np.array(rate), np.zeros(12)
     )
-
-
-def test_the_file_holds_the_defaults():
-    path = Path(__file__).parents[1] / 'params' / 'whole_body_controller.yaml'
-    assert from_file(WholeBodyParameters, path, 'whole_body_controller') == PARAMETERS
 
 
 # --- Swing curve --------------------------------------------------------------------------------
@@ -408,13 +400,6 @@ def test_damping_takes_energy_within_the_limits_and_survives_nonsense():
     torques = damping_torques(speeds, 2.0, 33.5)
     expected = [-2.0, 4.0, -33.5, 33.5, 0.0, -33.5] + 6 * [0.0]
     np.testing.assert_array_equal(torques, expected)
-
-
-def test_rounding_removes_noise_and_hardly_changes_a_torque():
-    torques = np.random.default_rng(0).uniform(-33.5, 33.5, 1000)
-    clean = rounded(torques, 1e-4)
-    np.testing.assert_allclose(clean, torques, atol=0.51e-4)
-    np.testing.assert_array_equal(rounded(clean + 1e-12, 1e-4), clean)
 
 
 def test_a_solver_cut_short_gives_damping(model):

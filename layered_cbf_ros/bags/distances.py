@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from layered_cbf_ros.bags.run_record import RunRecord
+from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.interfaces import Array
-
-AGENT_RADIUS = 0.3
-"""Radius of the disc around a robot, unless the scenario says otherwise [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +40,14 @@ class PairDistance:
 
 
 def agent_radius(record: RunRecord) -> float:
-    """Return the radius of the disc around a robot in this run [m]."""
-    if record.scenario is None:
-        return AGENT_RADIUS
-    coordinator = record.scenario.parameters.get('coordinator', {})
-    return float(coordinator.get('agent_radius', AGENT_RADIUS))
+    """Return the radius of the disc around a robot in this run [m].
+
+    A scenario that a supervisor ran holds every parameter; one that was run without
+    it only what it overrides.
+    """
+    scenario = record.scenario
+    coordinator = {} if scenario is None else scenario.parameters.get('coordinator', {})
+    return float(coordinator.get('agent_radius', CoordinatorParameters.agent_radius))
 
 
 def pair_distances(record: RunRecord) -> list[PairDistance]:

@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from layered_cbf_ros.bags.run_record import POSITION, RobotMotion, RunRecord
 from layered_cbf_ros.bags.series import Series
 from layered_cbf_ros.interfaces import NS_PER_S, Array
-from layered_cbf_ros.robot_model import RobotModel
+from layered_cbf_ros.robot_model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
 from layered_cbf_ros.scenario import Scenario
 
 SAMPLE_NS = 10_000_000
-FALL_TILT = np.deg2rad(60.0)
-FALL_HEIGHT = 0.12
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +82,15 @@ def goal_times(record: RunRecord, scenario: Scenario) -> dict[str, float | None]
 def find_falls(record: RunRecord) -> tuple[Fall, ...]:
     """Return the first fall of each robot: tilted, low, or on the ground with a body part."""
     falls = []
+    tilted = f'trunk tilted beyond {np.rad2deg(FALLEN_TILT):.0f} deg'
+    low = f'base below {FALLEN_HEIGHT} m'
     for robot, motion in record.motions.items():
         times = record.seconds(motion.stamps_ns)
         tilt = roll_pitch_tilt(motion.configurations[:, 3:7])[2]
         height = motion.configurations[:, 2]
         found = [
-            *_first_fall(robot, times, tilt > FALL_TILT, 'trunk tilted beyond 60 deg'),
-            *_first_fall(robot, times, height < FALL_HEIGHT, 'base below 0.12 m'),
+            *_first_fall(robot, times, tilt > FALLEN_TILT, tilted),
+            *_first_fall(robot, times, height < FALLEN_HEIGHT, low),
         ]
         contact = next((c for c in _contacts(record) if c.pair == f'{robot}~ground'), None)
         if contact is not None:

@@ -10,8 +10,6 @@ from typing import Any
 import yaml
 
 VERSION = 9
-RELIABILITIES = ('reliable', 'best_effort')
-DURABILITIES = ('volatile', 'transient_local')
 INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 
 

@@ -1,8 +1,7 @@
-"""What a recorder decides and counts: which topics, how many messages, how many lost."""
+"""What a recorder counts: how many messages of each topic, and how many were lost."""
 
 from __future__ import annotations
 
-import fnmatch
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -23,27 +22,6 @@ STAMPED = frozenset(
 
 RESOLUTION_NS = 100_000
 """Gaps between stamps are counted in steps of this [ns]."""
-
-
-@dataclass(frozen=True, slots=True)
-class TopicChoice:
-    """Which topics to record, by patterns as of a shell: `*` and `?` match slashes too.
-
-    Attributes:
-        include: A topic must match one of these.
-        exclude: And none of these.
-    """
-
-    include: tuple[str, ...] = ('*',)
-    exclude: tuple[str, ...] = ()
-
-    def takes(self, topic: str) -> bool:
-        """Tell whether a topic, by its full name, is to be recorded."""
-        return self._matches(topic, self.include) and not self._matches(topic, self.exclude)
-
-    @staticmethod
-    def _matches(topic: str, patterns: tuple[str, ...]) -> bool:
-        return any(fnmatch.fnmatchcase(topic, pattern) for pattern in patterns)
 
 
 @dataclass(slots=True)

@@ -17,7 +17,7 @@ def alarmed(
 ) -> tuple[CoordinationState, int]:
     """Freeze the plans of robots that have fallen or left their plan.
 
-    A plan freezes at the measured position, at rest, when its robot has fallen or is
+    A plan freezes at the measured pose, at rest, when its robot has fallen or is
     farther than tracking_alarm away. It goes on once the robot is up and slower than
     release_speed. A robot of which nothing is known raises no alarm.
 
@@ -47,8 +47,12 @@ def alarmed(
     positions, velocities = state.positions.copy(), state.velocities.copy()
     positions[frozen & known] = inputs.positions[frozen & known]
     velocities[frozen] = 0.0
-    yaw_rates = np.where(frozen, 0.0, state.yaw_rates)
     changed = replace(
-        state, positions=positions, velocities=velocities, yaw_rates=yaw_rates, frozen=frozen
+        state,
+        positions=positions,
+        velocities=velocities,
+        yaws=np.where(frozen & np.isfinite(inputs.yaws), inputs.yaws, state.yaws),
+        yaw_rates=np.where(frozen, 0.0, state.yaw_rates),
+        frozen=frozen,
     )
     return changed, unknown

@@ -46,6 +46,7 @@ class Coordinator:
         parameters: CoordinatorParameters,
         robots: Sequence[Robot],
         walls: Sequence[Wall],
+        rate: int = 1000,
     ) -> None:
         """Allocate and warm up one QP for every number of obstacles.
 
@@ -53,13 +54,15 @@ class Coordinator:
             parameters: Gains, limits and settings.
             robots: The agents; those that only stand keep their place.
             walls: Half-planes to stay in.
+            rate: Ticks per second [Hz].
         """
         names = [robot.name for robot in robots]
         radii = np.full(len(robots), parameters.agent_radius)
         self._parameters = parameters
         self._robots = tuple(robots)
         self._standing = np.array([robot.gait == 'stand' for robot in robots], dtype=bool)
-        self._period_ns = NS_PER_S // parameters.rate
+        self._rate = rate
+        self._period_ns = NS_PER_S // rate
         self._barriers: tuple[Barrier, ...] = (
             AgentAgent(names, radii, parameters),
             AgentObstacle(names, radii, parameters),
@@ -70,19 +73,29 @@ class Coordinator:
         for count in counts:
             self._warm_up(count)
 
-    def start(self, stamp_ns: int) -> CoordinationState:
-        """Return the plan at the start poses, at rest.
+    def start(
+        self, stamp_ns: int, positions: Array | None = None, yaws: Array | None = None
+    ) -> CoordinationState:
+        """Return a plan at rest.
 
         Args:
-            stamp_ns: Start of the scenario: patterns and scripts count from here [ns].
+            stamp_ns: From here on the wishes grow to their full size [ns].
+            positions: Where the robots are [m], (N, 2); NaN or None: at their start.
+            yaws: Their headings [rad], (N,); NaN or None: that of their start.
         """
         count = len(self._robots)
+        places = np.array([robot.position for robot in self._robots], dtype=float)
+        headings = np.array([robot.yaw for robot in self._robots], dtype=float)
+        if positions is not None:
+            places = np.where(np.isfinite(positions), positions, places)
+        if yaws is not None:
+            headings = np.where(np.isfinite(yaws), yaws, headings)
         return CoordinationState(
             stamp_ns,
             stamp_ns,
-            np.array([robot.position for robot in self._robots], dtype=float),
+            places,
             np.zeros((count, 2)),
-            np.array([robot.yaw for robot in self._robots], dtype=float),
+            headings,
             np.zeros(count),
             np.zeros(count, dtype=bool),
         )
@@ -110,7 +123,7 @@ class Coordinator:
         coefficients = rows.coefficients.reshape(len(rows.labels), u_desired.size)
         u, solution = self._filtered(state, u_desired, coefficients, rows.bound, len(tracks))
         u[held] = 0.0
-        turn = (yaw_rate - state.yaw_rates) * p.rate
+        turn = (yaw_rate - state.yaw_rates) * self._rate
         turn = np.minimum(np.maximum(turn, -p.yaw_acceleration_limit), p.yaw_acceleration_limit)
         return CoordinationResult(
             state=advanced(state, u, turn, self._period_ns),
@@ -137,7 +150,8 @@ class Coordinator:
         self, state: CoordinationState, inputs: CoordinationInputs, bodies: Bodies
     ) -> tuple[Array, Array, int]:
         """Return desired velocities (N, 2) and yaw rates (N,), and rejected commands."""
-        time = (inputs.stamp_ns - state.start_ns) / NS_PER_S
+        time = inputs.stamp_ns / NS_PER_S
+        ramp = (inputs.stamp_ns - state.start_ns) / NS_PER_S / self._parameters.start_ramp
         places, yaws = state.positions.tolist(), state.yaws.tolist()
         others = places + bodies.position.tolist()
         twists, rejected = [], 0
@@ -150,7 +164,7 @@ class Coordinator:
             twists.append(
                 desired_twist(robot.desired, heeded, time, place, yaw, others, self._parameters)
             )
-        wishes = np.array(twists) * min(1.0, time / self._parameters.start_ramp)
+        wishes = np.array(twists) * min(1.0, ramp)
         wishes[state.frozen | self._standing] = 0.0
         return wishes[:, :2], wishes[:, 2], rejected
 
@@ -164,7 +178,9 @@ class Coordinator:
     ) -> tuple[Array, QpSolution]:
         """Return the applied inputs (N, 2) and the solution of the QP."""
         p = self._parameters
-        limits = input_limits(state.velocities, p.acceleration_limit, p.speed_limit, 1.0 / p.rate)
+        limits = input_limits(
+            state.velocities, p.acceleration_limit, p.speed_limit, 1.0 / self._rate
+        )
         problem = self._problems[bodies]
         solution = problem.solve(u_desired.reshape(-1), coefficients, bound, *limits)
         brake = braking_input(state.velocities, p.brake_time, p.acceleration_limit)
@@ -188,7 +204,7 @@ class Coordinator:
         )
         upright, nobody = np.zeros(count, dtype=bool), (None,) * count
         known = state.positions, state.velocities
-        self.step(state, CoordinationInputs(0, *known, upright, tracks, nobody))
+        self.step(state, CoordinationInputs(0, *known, upright, tracks, nobody, state.yaws))
 
 
 def _scene(

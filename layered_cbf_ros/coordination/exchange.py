@@ -24,6 +24,7 @@ class CoordinationInputs:
         fallen: Robots that lie or don't answer, (N,).
         tracks: Everybody else.
         commands: A velocity asked for from outside, or None, for each robot.
+        yaws: Measured headings [rad], (N,); NaN where unknown.
     """
 
     stamp_ns: int
@@ -32,6 +33,7 @@ class CoordinationInputs:
     fallen: NDArray[np.bool_]
     tracks: tuple[Track, ...]
     commands: tuple[VelocityCommand | None, ...]
+    yaws: Array
 
 
 @dataclass(frozen=True, slots=True)

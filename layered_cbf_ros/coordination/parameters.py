@@ -11,7 +11,6 @@ from layered_cbf_ros.parameters import parameter
 class CoordinatorParameters:
     """What tunes the top layer. Units and meaning stand in each field."""
 
-    rate: int = parameter(1000, 'Planner rate.', 'Hz', 50, 2000)
     alpha1: float = parameter(0.82, 'First decay rate of pair barriers.', '1/s', 0.01, 20.0)
     alpha2: float = parameter(0.3, 'Second decay rate of pair barriers.', '1/s', 0.01, 20.0)
     wall_alpha1: float = parameter(0.82, 'First decay rate of walls.', '1/s', 0.01, 20.0)

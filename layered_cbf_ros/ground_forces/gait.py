@@ -70,8 +70,8 @@ class Gait:
             stamp_ns: Present stamp [ns].
             stand: Whether to stand after the swing that is under way.
         """
-        if stand and stamp_ns < state.begin_ns:
-            return GaitState(stamp_ns, stamp_ns)
+        if stand and stamp_ns <= state.begin_ns:
+            return GaitState(state.begin_ns, state.begin_ns)
         if stand and state.end_ns == FOREVER_NS:
             return GaitState(state.begin_ns, self._landing_after(state, stamp_ns))
         if stand or state.end_ns == FOREVER_NS:

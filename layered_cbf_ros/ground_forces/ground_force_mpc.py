@@ -14,13 +14,19 @@ from layered_cbf_ros.ground_forces.condensed_qp import CondensedQp, QpSolution
 from layered_cbf_ros.ground_forces.gait import Gait, GaitState, touch_downs
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.ground_forces.single_rigid_body import (
-    GRAVITY,
     RigidBody,
     SingleRigidBody,
     discretise,
     log_rotation,
 )
-from layered_cbf_ros.interfaces import NS_PER_S, Array, GroundForcePlan, PlannedMotion
+from layered_cbf_ros.interfaces import (
+    GRAVITY,
+    NS_PER_S,
+    TOE_RADIUS,
+    Array,
+    GroundForcePlan,
+    PlannedMotion,
+)
 from layered_cbf_ros.rounding import rounded
 
 
@@ -93,11 +99,6 @@ class MpcResult:
     status: MpcStatus
     primal_residual: float
 
-    @property
-    def solver_failed(self) -> bool:
-        """Tell whether the solver gave no usable forces."""
-        return self.status is MpcStatus.SOLVER_FAILED
-
 
 def static_forces(in_stance: NDArray[np.bool_], mass: float) -> Array:
     """Return forces that share the weight evenly among standing feet [N], (4, 3)."""
@@ -133,7 +134,7 @@ class GroundForceMpc:
         plan = GroundForcePlan(
             stamp_ns,
             static_forces(standing, self._body.mass),
-            self._hip_offsets * (1.0, 1.0, 0.0) + (0.0, 0.0, self._parameters.foot_radius),
+            self._hip_offsets * (1.0, 1.0, 0.0) + (0.0, 0.0, TOE_RADIUS),
             np.zeros(4),
             np.zeros(4),
             np.zeros(12),
@@ -238,7 +239,7 @@ class GroundForceMpc:
             self._hip_offsets,
             (1.0 - phase) * self._gait.swing_time,
             0.5 * self._gait.stance_time,
-            self._parameters.foot_radius,
+            TOE_RADIUS,
         )
         return np.where(swings[:, None], landing, inputs.feet)
 

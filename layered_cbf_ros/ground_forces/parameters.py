@@ -26,9 +26,6 @@ class GroundForceParameters:
     )
     position_gain: float = parameter(0.2, 'foothold shift per position error', 'm/m', 0.0, 1.0)
     com_height: float = parameter(0.26, 'height of the CoM over the ground', 'm', 0.15, 0.35)
-    foot_radius: float = parameter(
-        0.02, 'height of a standing toe sphere centre above the ground', 'm', 0.0, 0.1
-    )
     horizon: int = parameter(5, 'number of predicted steps N_h', '', 2, 20)
     prediction_step: float = parameter(0.02, 'time of one predicted step', 's', 0.002, 0.1)
     state_weights: tuple[float, ...] = parameter(

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.interfaces import GRAVITY, Array
 
-GRAVITY = 9.81
 # [a]x = sum_i a_i SKEW_BASIS[i], so that one product makes the matrices of many vectors.
 SKEW_BASIS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1] + 5 * [0]],

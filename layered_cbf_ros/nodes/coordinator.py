@@ -12,7 +12,6 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from layered_cbf_ros.coordination.coordinator import Coordinator
 from layered_cbf_ros.coordination.exchange import CoordinationInputs, CoordinationResult
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
-from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.interfaces import RobotState, Track
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.standard import named_values, series
@@ -20,7 +19,7 @@ from layered_cbf_ros.messages.trajectory import TrajectoryWriter
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
 from layered_cbf_ros.nodes.track_input import TrackInput
-from layered_cbf_ros.robot_model import RobotModel, has_fallen
+from layered_cbf_ros.robot_model import RobotModel, has_fallen, yaw_of
 from layered_cbf_ros.scenario_file import load_scenario
 
 BATCH = 20  # ticks told in one message: full rate at 50 messages a second
@@ -36,12 +35,9 @@ class CoordinatorNode(GraphNode):
         self._scenario = scenario = load_scenario(self.declare_parameter('scenario', '').value)
         self._names = [robot.name for robot in scenario.robots]
         parameters = declare(self, CoordinatorParameters)
-        if parameters.rate != self.timing.state_rate:
-            raise ParameterError(
-                f'coordinator.rate is {parameters.rate}; it plans on every state: '
-                f'give state_rate, {self.timing.state_rate}'
-            )
-        self._coordinator = Coordinator(parameters, scenario.robots, scenario.walls)
+        self._coordinator = Coordinator(
+            parameters, scenario.robots, scenario.walls, self.timing.state_rate
+        )
         self._model = RobotModel()
         self._states = [StateReader(name) for name in self._names]
         self._tracks = TrackInput(self, scenario) if scenario.obstacles else None
@@ -52,6 +48,12 @@ class CoordinatorNode(GraphNode):
         self._balls = self.writer(JointState, '/coordinator/balls', 0)
         self._batch: list[CoordinationResult] = []
 
+    def close(self) -> None:
+        """Tell also the ticks of a batch that isn't full."""
+        if self._batch:
+            self._publish_batch()
+        super().close()
+
     def run(self) -> None:
         """Plan on every state."""
         memory = None
@@ -61,14 +63,15 @@ class CoordinatorNode(GraphNode):
             if not known:
                 continue
             stamp_ns = known[0].stamp_ns
-            memory = memory or self._coordinator.start(stamp_ns)
             tracks = self._tracks.at(stamp_ns) if self._tracks is not None else ()
             begun_ns = time.perf_counter_ns()
-            result = self._coordinator.step(memory, self._inputs(stamp_ns, states, tracks))
+            inputs = self._inputs(stamp_ns, states, tracks)
+            memory = memory or self._coordinator.start(stamp_ns, inputs.positions, inputs.yaws)
+            result = self._coordinator.step(memory, inputs)
             memory = result.state
             if stamp_ns % self.timing.plan_ns == 0 or not self.lockstep:
                 self._plan.publish(self._encoder.encode(stamp_ns, result.motions))
-            self._count(result, time.perf_counter_ns() - begun_ns)
+            self._count(result, states.count(None), time.perf_counter_ns() - begun_ns)
             self._tell(result)
 
     def _inputs(
@@ -76,20 +79,23 @@ class CoordinatorNode(GraphNode):
     ) -> CoordinationInputs:
         """Return what the coordinator needs: CoM of every robot whose state is known."""
         positions, velocities = (np.full((len(states), 2), np.nan) for _ in range(2))
+        yaws = np.full(len(states), np.nan)
         fallen = np.zeros(len(states), dtype=bool)
         for i, state in enumerate(states):
             if state is not None:
                 self._model.update_kinematics(state.configuration, state.velocity)
                 positions[i] = self._model.com[:2]
                 velocities[i] = self._model.com_velocity[:2]
+                yaws[i] = yaw_of(self._model.rotation)
                 fallen[i] = has_fallen(state.configuration)
         commands = (None,) * len(states)
-        return CoordinationInputs(stamp_ns, positions, velocities, fallen, tracks, commands)
+        return CoordinationInputs(stamp_ns, positions, velocities, fallen, tracks, commands, yaws)
 
-    def _count(self, result: CoordinationResult, solve_ns: int) -> None:
+    def _count(self, result: CoordinationResult, unknown: int, solve_ns: int) -> None:
+        """Count what happened; states that are unknown were counted when they were refused."""
         self.statistics.solver_failures += result.solver_failed
         self.statistics.slack_events += result.slack_event
-        self.statistics.rejected += result.rejected
+        self.statistics.rejected += result.rejected - unknown
         self.statistics.tick(solve_ns)
 
     def _tell(self, result: CoordinationResult) -> None:
@@ -103,6 +109,12 @@ class CoordinatorNode(GraphNode):
     def _publish_batch(self) -> None:
         batch, self._batch = self._batch, []
         last = batch[-1]
+        frozen = [name for name, held in zip(self._names, last.alarms, strict=True) if held]
+        self.statistics.details = {
+            'qp_status': last.status.name.lower(),
+            'frozen': ', '.join(frozen),
+            'tracks_left_out': str(last.tracks_left_out),
+        }
         stamps = [result.motions[0].stamp_ns for result in batch]
         changes = [(np.hypot(*(r.u - r.u_desired).T),) for r in batch]
         self._intervention.publish(serialize_message(series(self._names, stamps, changes)))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
-from layered_cbf_ros.nodes.transport import Reader, latched
+from layered_cbf_ros.nodes.transport import Reader, decoded, latched
 from layered_cbf_ros.supervision.status import Report, silent_nodes
 from layered_cbf_ros.supervision.supervisor import News
 
@@ -30,10 +30,8 @@ class GraphNews(Node):
 
     def __init__(self, names: Sequence[str]) -> None:
         super().__init__('supervisor', start_parameter_services=False)
-        words = latched()
-        kept = QoSProfile(depth=MANY, reliability=words.reliability, durability=words.durability)
         self._names = names
-        self._ready_reader = Reader(self, String, '/ready', kept)
+        self._ready_reader = Reader(self, String, '/ready', latched(MANY))
         self._diagnostics_reader = Reader(self, DiagnosticArray, '/diagnostics')
         self._clock_reader = Reader(self, Clock, '/clock')
         self._ready: set[str] = set()
@@ -49,15 +47,18 @@ class GraphNews(Node):
             now: Wall time [s].
         """
         while (data := self._ready_reader.take()) is not None:
-            self._ready.add(deserialize_message(data, String).data)
+            with contextlib.suppress(MessageError):
+                self._ready.add(decoded(data, String).data)
         while (data := self._diagnostics_reader.take()) is not None:
-            for status in deserialize_message(data, DiagnosticArray).status:
-                values = {entry.key: entry.value for entry in status.values}
-                self.reports[status.name] = Report(values, now)
+            with contextlib.suppress(MessageError):
+                for status in decoded(data, DiagnosticArray).status:
+                    values = {entry.key: entry.value for entry in status.values}
+                    self.reports[status.name] = Report(values, now)
         while (data := self._clock_reader.take()) is not None:
             if self._simulated is None:
                 self._simulation_began = now
-            self._simulated = stamp_of(data) / NS_PER_S
+            with contextlib.suppress(MessageError):
+                self._simulated = stamp_of(data) / NS_PER_S
             self.wall_time = now - self._simulation_began
         silent = silent_nodes(self._names, self.reports, now)
         return News(frozenset(self._ready), self._simulated, tuple(silent))

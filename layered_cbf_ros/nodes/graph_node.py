@@ -19,16 +19,29 @@ from std_msgs.msg import String
 
 from layered_cbf_ros.errors import GraphError, LayeredCbfError, MessageError
 from layered_cbf_ros.loop_statistics import LoopStatistics
-from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.inputs import Input
-from layered_cbf_ros.nodes.transport import RESEND_DEPTH, Reader, Writer, latched
-from layered_cbf_ros.timing import LOCKSTEP, Inbox, InputRule, InputRules, TimingParameters
+from layered_cbf_ros.nodes.transport import (
+    RELIABLE_DEPTH,
+    RESEND_DEPTH,
+    Reader,
+    Writer,
+    latched,
+    reliable,
+)
+from layered_cbf_ros.timing import (
+    LOCKSTEP,
+    Inbox,
+    InputRule,
+    InputRules,
+    StampGuard,
+    TimingParameters,
+)
 
 A = TypeVar('A')
 T = TypeVar('T')
 SLICE_S = 0.05  # longest uninterrupted wait: how fast signals and services are answered
-SILENCE_NS = 150_000_000  # after so long a message counts as lost
+SILENT_SLICES = 3  # after so many a message counts as lost
 SERVICE_PERIOD_NS = 500_000_000
 DIAGNOSTIC_PERIOD_NS = 1_000_000_000
 DELIVERY_S = 0.5
@@ -64,11 +77,11 @@ class GraphNode(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         self._next_service_ns = self._next_diagnostic_ns = 0
-        self._heard_ns = 0
+        self._silent_slices = 0
 
-    def reader(self, message_type: type, topic: str) -> Reader:
+    def reader(self, message_type: type, topic: str, depth: int = RELIABLE_DEPTH) -> Reader:
         """Subscribe to a topic of the control path."""
-        self.readers.append(Reader(self, message_type, topic))
+        self.readers.append(Reader(self, message_type, topic, reliable(depth)))
         return self.readers[-1]
 
     def writer(
@@ -157,7 +170,7 @@ class GraphNode(Node):
                 wanted += every_ns
 
     def _newest(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
-        last_ns: int | None = None
+        guard, last_ns = StampGuard(), None
         while True:
             self.serve()
             data = reader.take()
@@ -166,10 +179,12 @@ class GraphNode(Node):
                 continue
             while (newer := reader.take()) is not None:
                 data = newer
-            stamp_ns = self.accept(stamp_of, data)
-            if stamp_ns is None or (last_ns is not None and stamp_ns - last_ns < every_ns):
+            stamp_ns = self.accept(guard.check, data)
+            if stamp_ns is None:
                 continue
             if last_ns is not None:
+                if stamp_ns - last_ns < every_ns:
+                    continue
                 self.statistics.deadline_misses += (stamp_ns - last_ns) // every_ns - 1
             last_ns = stamp_ns
             yield data
@@ -185,13 +200,17 @@ class GraphNode(Node):
         begun_ns = time.monotonic_ns()
         reader.wait(SLICE_S)
         now_ns = time.monotonic_ns()
-        if now_ns - begun_ns < round(SLICE_S * 1e9):
-            self._heard_ns = now_ns
-        elif now_ns - self._heard_ns > SILENCE_NS:
-            self._heard_ns = now_ns
+        silent = now_ns - begun_ns >= round(SLICE_S * 1e9)
+        self._silent_slices = self._silent_slices + 1 if silent else 0
+        if self._silent_slices == SILENT_SLICES:
+            self._silent_slices = 0
             self.on_silence()
         if give_up_ns is not None and now_ns > give_up_ns:
             raise MissingInputError(f'MISSING {sender}: nothing on {reader.topic}')
+
+    def begin_wait(self) -> None:
+        """Count the silence of a new wait from its begin."""
+        self._silent_slices = 0
 
     def on_silence(self) -> None:
         """Do nothing: only who keeps the time asks again for what may be lost."""
@@ -199,7 +218,8 @@ class GraphNode(Node):
     def resend(self) -> None:
         """Send the last messages again: somebody seems to have lost one."""
         for writer in self.writers:
-            writer.resend(time.monotonic_ns())
+            if writer.expected_readers > self.recorded:
+                writer.resend(time.monotonic_ns())
 
     def serve(self) -> None:
         """Answer services and publish diagnostics, when it is time to.
@@ -237,6 +257,8 @@ class GraphNode(Node):
         """Tell the last figures, and see them delivered."""
         self.publish_diagnostics('ended')
         self._diagnostics.wait_for_all_acked(Duration(seconds=DELIVERY_S))
+        for writer in self.writers:
+            writer.see_delivered()
 
     def run(self) -> None:
         """Tick until asked to end."""

@@ -53,6 +53,7 @@ class Input(Generic[T]):
 
     def _wait_for(self, stamp_ns: int) -> bytes:
         found = self._inbox.exactly(stamp_ns)
+        self._node.begin_wait()
         give_up_ns = time.monotonic_ns() + round(self._node.timing.patience * 1e9)
         while found is None:
             data = self._reader.poll(self._poll_ns)
@@ -66,6 +67,6 @@ class Input(Generic[T]):
     def _newest(self, tick_ns: int) -> bytes | None:
         while (data := self._reader.take()) is not None:
             self._offer(data)
-        return self._node.accept(
-            lambda tick: self._inbox.newest(tick, self._rule.age_limit_ns), tick_ns
-        )
+        for _ in range(self._inbox.drop_after(tick_ns + self._rule.period_ns)):
+            self._node.statistics.reject(f'{self._reader.topic}: stamp in the future')
+        return self._inbox.newest(tick_ns, self._rule.age_limit_ns)

@@ -8,22 +8,21 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 
 from layered_cbf_ros.interfaces import Array, Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.standard import points, points_from, track_odometry
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.nodes.transport import TRACK_DEPTH, decoded
 from layered_cbf_ros.perception.obstacle_tracker import ObstacleTracker
 from layered_cbf_ros.perception.parameters import ObstacleTrackerParameters
-
-KEPT_TRACKS = 128  # several stamps of many tracks
 
 
 def read_points(data: bytes) -> tuple[int, Array]:
     """Return stamp [ns] and points (n, 2) [m] of a serialised PoseArray."""
-    return stamp_of(data), points_from(deserialize_message(data, PoseArray))
+    return stamp_of(data), points_from(decoded(data, PoseArray))
 
 
 class ObstacleTrackerNode(GraphNode):
@@ -33,7 +32,7 @@ class ObstacleTrackerNode(GraphNode):
         super().__init__('obstacle_tracker')
         self._tracker = ObstacleTracker(declare(self, ObstacleTrackerParameters))
         self._detections = self.reader(PoseArray, '/obstacles/detections')
-        self._tracks = self.writer(Odometry, '/obstacles/tracks', kept=KEPT_TRACKS)
+        self._tracks = self.writer(Odometry, '/obstacles/tracks', kept=TRACK_DEPTH)
         self._tracked = self.writer(PoseArray, '/obstacles/tracked')
 
     def run(self) -> None:

@@ -60,6 +60,8 @@ class RecorderNode(GraphNode):
                 if now_ns >= self._next_flush_ns:
                     self._next_flush_ns = now_ns + FLUSH_NS
                     self._bag.flush()
+                    lost = sum(r.counter.lost for r in self._recordings.values())
+                    self.statistics.details['lost'] = str(lost)
                 self._drain()
                 time.sleep(PAUSE_S)
         except StopRequestedError:
@@ -76,7 +78,7 @@ class RecorderNode(GraphNode):
             offers = self.get_publishers_info_by_topic(topic)
             if not offers or topic == '/recorder/progress':
                 continue
-            profile = _matching(offers[0].qos_profile)
+            profile = _matching([offer.qos_profile for offer in offers])
             try:
                 message_type = _message_type(types[0])
                 topic_id = self._bag.add_topic(topic, types[0], _as_yaml(profile))
@@ -116,9 +118,17 @@ def _message_type(name: str) -> type:
     return found
 
 
-def _matching(offered: QoSProfile) -> QoSProfile:
-    """Return a profile that gets everything from a publisher."""
-    return QoSProfile(depth=DEPTH, reliability=offered.reliability, durability=offered.durability)
+def _matching(offered: list[QoSProfile]) -> QoSProfile:
+    """Return a profile that gets everything from every publisher of a topic."""
+    reliable = all(o.reliability == QoSReliabilityPolicy.RELIABLE for o in offered)
+    latched = all(o.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for o in offered)
+    return QoSProfile(
+        depth=DEPTH,
+        reliability=QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT,
+        durability=(
+            QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
+        ),
+    )
 
 
 def _as_yaml(profile: QoSProfile) -> str:

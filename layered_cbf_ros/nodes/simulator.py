@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
@@ -16,13 +15,14 @@ from layered_cbf_ros.messages.robot_state import StateWriter
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import SLICE_S, GraphNode, MissingInputError, run_node
 from layered_cbf_ros.nodes.simulator_outputs import SimulatorOutputs
-from layered_cbf_ros.nodes.transport import Reader, latched
+from layered_cbf_ros.nodes.transport import Reader, decoded, latched
 from layered_cbf_ros.plants.bullet_world import STEP_NS, BulletWorld
 from layered_cbf_ros.plants.goals import GoalWatch
 from layered_cbf_ros.plants.parameters import SimulatorParameters
 from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.scenario_file import load_scenario
 
+MANY = 1000  # nodes whose latched word is kept
 POLL_NS = 80_000  # only the simulator polls: more pollers would starve each other
 RECORDER_WINDOW_NS = 150_000_000
 START_LIMIT_NS = 60_000_000_000
@@ -60,7 +60,7 @@ class SimulatorNode(GraphNode):
         self._progress = Reader(self, Header, '/recorder/progress') if self.recorded else None
         self._recorded_ns = 0
         self._absent = set(self.declare_parameter('wait_for', ['']).value) - {''}
-        self.create_subscription(String, '/ready', self._note_ready, latched_many())
+        self._ready_words = Reader(self, String, '/ready', latched(MANY))
 
     def run(self) -> None:
         """Step the world until every goal is reached or the scenario's time is over."""
@@ -76,9 +76,11 @@ class SimulatorNode(GraphNode):
             self._outputs.publish(states)
             self._goals.watch(states)
             used_ns = time.perf_counter_ns() - begun_ns
-            torques = self._torques()
+            torques, silent = self._torques()
             begun_ns = time.perf_counter_ns()
             for _ in range(self.timing.tick_ns // STEP_NS):
+                for robot in silent:
+                    self._world.damp(robot)
                 self._world.step(torques)
             self.statistics.tick(used_ns + time.perf_counter_ns() - begun_ns)
             if self.lockstep:
@@ -91,17 +93,18 @@ class SimulatorNode(GraphNode):
         """Send the last states again: who has them already sends its answers again."""
         self.resend()
 
-    def _torques(self) -> Array:
-        """Return the commanded torques (N, 12) [Nm]; let silent robots be damped."""
+    def _torques(self) -> tuple[Array, list[int]]:
+        """Return the commanded torques (N, 12) [Nm], and who sent none to act on."""
         stamp_ns = self._world.stamp_ns
+        silent = []
         torques = np.zeros((len(self._commands), len(JOINT_NAMES)))
         for i, command in enumerate(self._commands):
             received = command.at(stamp_ns)
             if received is not None:
                 torques[i] = received[1][2]
             elif stamp_ns:
-                self._world.damp(i)
-        return torques
+                silent.append(i)
+        return torques, silent
 
     def _wait_for_deadline(self, begin_ns: int) -> int:
         """Sleep until the next state is due; return the schedule's (new) begin [ns]."""
@@ -122,11 +125,14 @@ class SimulatorNode(GraphNode):
             return
         give_up_ns = time.monotonic_ns() + round(self.timing.patience * 1e9)
         while self._world.stamp_ns - self._recorded_ns > window_ns:
+            self.serve()
             data = self._progress.take()
-            if data is None:
-                self.wait(self._progress, give_up_ns, '/recorder')
-            else:
+            if data is not None:
                 self._recorded_ns = max(self._recorded_ns, stamp_of(data))
+            elif time.monotonic_ns() > give_up_ns:
+                raise MissingInputError(f'MISSING /recorder: nothing on {self._progress.topic}')
+            else:
+                self._progress.wait(SLICE_S)
 
     def _wait_for_all(self) -> None:
         """Wait until every node of the run is ready.
@@ -136,22 +142,15 @@ class SimulatorNode(GraphNode):
         """
         give_up_ns = time.monotonic_ns() + START_LIMIT_NS
         while self._absent:
+            while (data := self._ready_words.take()) is not None:
+                word = self.accept(lambda bytes_: decoded(bytes_, String).data, data)
+                self._absent.discard(word or '')
             self.statistics.waiting_for = ', '.join(sorted(self._absent))
             self.serve()
             time.sleep(0.2 * SLICE_S)
             if time.monotonic_ns() > give_up_ns:
                 raise MissingInputError(f'MISSING {min(self._absent)}: not ready')
         self.statistics.waiting_for = ''
-
-    def _note_ready(self, message: String) -> None:
-        self._absent.discard(message.data)
-
-
-def latched_many() -> QoSProfile:
-    """Return the quality of service to hear the latched word of every node."""
-    profile = latched()
-    profile.depth = 100
-    return profile
 
 
 def main() -> None:

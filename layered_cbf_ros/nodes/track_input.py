@@ -7,14 +7,24 @@ from operator import itemgetter
 
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message
 
-from layered_cbf_ros.interfaces import Track
+from layered_cbf_ros.interfaces import NS_PER_S, Track
+from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.standard import points_from, track_from
 from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.transport import TRACK_DEPTH, decoded
 from layered_cbf_ros.scenario import Scenario
 
 SENDER = '/obstacle_tracker'
+FUTURE_NS = NS_PER_S // 10  # a stamp farther ahead is wrong
+GONE_NS = NS_PER_S // 2  # a track that its tracker leaves out for so long is gone
+FORGOTTEN_NS = 60 * NS_PER_S  # a track that nobody speaks of any more
+
+
+def count_points(data: bytes) -> int:
+    """Return how many tracks a serialised PoseArray announces."""
+    return len(points_from(decoded(data, PoseArray)))
 
 
 class TrackInput:
@@ -23,14 +33,10 @@ class TrackInput:
     def __init__(self, node: GraphNode, scenario: Scenario) -> None:
         self._node = node
         self._radius = max(obstacle.radius for obstacle in scenario.obstacles)
-        self._odometry = node.reader(Odometry, '/obstacles/tracks')
-        self._counts = node.input(
-            PoseArray,
-            '/obstacles/tracked',
-            node.rules.tracks,
-            lambda data: len(points_from(deserialize_message(data, PoseArray))),
-            SENDER,
-        )
+        self._odometry = node.reader(Odometry, '/obstacles/tracks', TRACK_DEPTH)
+        self._announcements = node.reader(PoseArray, '/obstacles/tracked')
+        self._counts = Input(node, self._announcements, node.rules.tracks, count_points, SENDER)
+        self._announced_ns = 0
         self._tracks: dict[str, Track] = {}
         self._waiting: dict[tuple[int, str], Track] = {}
 
@@ -67,12 +73,22 @@ class TrackInput:
         ]
 
     def _refresh(self, tick_ns: int) -> None:
-        """Keep the newest of each name; forget what was lost for too long."""
+        """Keep the newest of each name, until the tracker goes on without it.
+
+        A track that is only silent stays: its reachable set grows with its age.
+        """
         while (track := self._take()) is not None:
-            self._tracks[track.name] = track
-        limit_ns = self._node.rules.tracks.age_limit_ns
-        old = [n for n, track in self._tracks.items() if tick_ns - track.stamp_ns > limit_ns]
-        for name in old:
+            old = self._tracks.get(track.name)
+            if track.stamp_ns > tick_ns + FUTURE_NS:
+                self._node.statistics.reject(f"track '{track.name}' has a stamp in the future")
+            elif old is None or track.stamp_ns >= old.stamp_ns:
+                self._tracks[track.name] = track
+        while (data := self._announcements.take()) is not None:
+            stamp_ns = self._node.accept(stamp_of, data)
+            if stamp_ns is not None and stamp_ns <= tick_ns + FUTURE_NS:
+                self._announced_ns = max(self._announced_ns, stamp_ns)
+        gone_ns = max(self._announced_ns - GONE_NS, tick_ns - FORGOTTEN_NS)
+        for name in [n for n, track in self._tracks.items() if track.stamp_ns < gone_ns]:
             del self._tracks[name]
 
     def _take(self) -> Track | None:
@@ -83,4 +99,4 @@ class TrackInput:
         return None
 
     def _decode(self, data: bytes) -> Track:
-        return track_from(deserialize_message(data, Odometry), self._radius)
+        return track_from(decoded(data, Odometry), self._radius)

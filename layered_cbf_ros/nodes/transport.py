@@ -10,16 +10,23 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.serialization import deserialize_message
 
+from layered_cbf_ros.errors import MessageError
+
+M = TypeVar('M')
 RELIABLE_DEPTH = 32
+TRACK_DEPTH = 256  # several stamps of many tracks, each a message of its own
 RESEND_DEPTH = 8  # beyond the largest latency of any input, counted in its messages
 RESEND_PAUSE_NS = 20_000_000
+DELIVERY = Duration(seconds=0.1)
 
 
 def reliable(depth: int = RELIABLE_DEPTH) -> QoSProfile:
@@ -27,13 +34,31 @@ def reliable(depth: int = RELIABLE_DEPTH) -> QoSProfile:
     return QoSProfile(depth=depth, reliability=QoSReliabilityPolicy.RELIABLE)
 
 
-def latched() -> QoSProfile:
-    """Return the quality of service of a value that late joiners get too."""
+def latched(depth: int = 1) -> QoSProfile:
+    """Return the quality of service of values that late joiners get too.
+
+    Args:
+        depth: From how many publishers the last word is kept.
+    """
     return QoSProfile(
-        depth=1,
+        depth=depth,
         reliability=QoSReliabilityPolicy.RELIABLE,
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
     )
+
+
+def decoded(data: bytes, message_type: type[M]) -> M:
+    """Return a message as an object.
+
+    Raises:
+        MessageError: If the bytes are not such a message.
+    """
+    try:
+        message: M = deserialize_message(data, message_type)
+    except RuntimeError:  # what the middleware raises, whatever is wrong
+        name = message_type.__name__
+        raise MessageError(f'message of {len(data)} bytes is no {name}') from None
+    return message
 
 
 class TakenByHand(CallbackGroup):
@@ -110,7 +135,8 @@ class Writer:
         expected_readers: int = 1,
         kept: int = RESEND_DEPTH,
     ) -> None:
-        self._publisher = node.create_publisher(message_type, topic, reliable())
+        depth = max(RELIABLE_DEPTH, kept)
+        self._publisher = node.create_publisher(message_type, topic, reliable(depth))
         self._ring: deque[bytes] = deque(maxlen=kept)
         self._resent_ns = 0
         self.expected_readers = expected_readers
@@ -128,6 +154,10 @@ class Writer:
         self._resent_ns = now_ns
         for data in self._ring:
             self._publisher.publish(data)
+
+    def see_delivered(self) -> None:
+        """Wait a moment until all readers have the last messages."""
+        self._publisher.wait_for_all_acked(DELIVERY)
 
     @property
     def readers(self) -> int:

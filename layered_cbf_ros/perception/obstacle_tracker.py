@@ -4,7 +4,9 @@ One Kalman filter an object. Each message's detections are given to the objects
 that explain them best (global nearest neighbour); what no object explains starts a
 new one, which is believed once it has been seen often enough, and forgotten when
 it hasn't been seen for long. A message that comes late is put in its place: the
-filters go back to the time before it and take all later messages again.
+filters go back to the time before it and take all later messages again. A stamp
+farther from the present than any object is remembered is a clock gone wrong, unless
+the next message confirms it: then all begins anew there.
 """
 
 from __future__ import annotations
@@ -70,10 +72,12 @@ class TrackerState:
         stamp_ns: Present time [ns].
         frames: The last messages by time: those that a late one may precede, and
             one before.
+        doubted_ns: Stamp of the last message if it was refused for its jump [ns].
     """
 
     stamp_ns: int
     frames: tuple[Frame, ...]
+    doubted_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +87,8 @@ class TrackerResult:
     Attributes:
         state: To be given to the next step.
         tracks: All believed objects at the state's time.
-        rejected: Detections that were not finite, too late, or given twice.
+        rejected: Detections that were not finite, too late, given twice, or of a message
+            whose stamp jumps.
     """
 
     state: TrackerState
@@ -110,9 +115,14 @@ class ObstacleTracker:
             stamp_ns: When the detections were measured [ns]; may lie in the past.
             detections: Points seen [m], (K, 2); None if there was no message.
         """
-        now = max(stamp_ns, state.stamp_ns)
         if detections is None:
-            return self._result(TrackerState(now, state.frames), 0)
+            return self._result(replace(state, stamp_ns=max(stamp_ns, state.stamp_ns)), 0)
+        if self._jumps(state.stamp_ns, stamp_ns):
+            if state.doubted_ns is None or self._jumps(state.doubted_ns, stamp_ns):
+                return self._result(replace(state, doubted_ns=stamp_ns), len(detections))
+            frame = Frame(stamp_ns, None, born=state.frames[-1].born)
+            state = TrackerState(stamp_ns, (frame,))
+        now = max(stamp_ns, state.stamp_ns)
         finite = np.isfinite(detections).all(axis=1)
         rejected = int(np.count_nonzero(~finite))
         taken = any(f.stamp_ns == stamp_ns and f.detections is not None for f in state.frames)
@@ -193,20 +203,20 @@ class ObstacleTracker:
             return stamp_ns - it.last_seen_ns <= self._p.death_time * NS_PER_S
         return it.messages < self._p.birth_window
 
+    def _jumps(self, from_ns: int, to_ns: int) -> bool:
+        return abs(to_ns - from_ns) > self._p.death_time * NS_PER_S
+
     def _result(self, state: TrackerState, rejected: int) -> TrackerResult:
         last = state.frames[-1]
         believed = [it for it in last.objects if self._is_believed(it)]
         present = [self._predicted(it, last.stamp_ns, state.stamp_ns) for it in believed]
         tracks = tuple(
-            Track(
-                f'obstacle_{it.number}',
-                state.stamp_ns,
-                it.mean[:2],
-                it.mean[2:],
-                it.covariance,
-                self._p.radius,
-            )
-            for it in present
-            if self._lives(it, state.stamp_ns)
+            self._track(it, state.stamp_ns) for it in present if self._lives(it, state.stamp_ns)
         )
         return TrackerResult(state, tracks, rejected)
+
+    @staticmethod
+    def _track(it: TrackedObject, stamp_ns: int) -> Track:
+        """Return what is told of an object; of its radius, which no detection tells, 0."""
+        name = f'obstacle_{it.number}'
+        return Track(name, stamp_ns, it.mean[:2], it.mean[2:], it.covariance, radius=0.0)

@@ -11,9 +11,6 @@ from layered_cbf_ros.parameters import parameter
 class ObstacleTrackerParameters:
     """How obstacles move, how they are seen, and when one is believed."""
 
-    radius: float = parameter(
-        0.3, 'Radius of every obstacle, which no detection tells', 'm', 0.01, 5.0
-    )
     acceleration: float = parameter(
         0.2, 'White acceleration: deviation of the velocity after one second', 'm/s', 1e-3, 50.0
     )
@@ -29,7 +26,11 @@ class ObstacleTrackerParameters:
         5, 'Detection messages within which it must have them', '', 1, 100
     )
     death_time: float = parameter(
-        3.0, 'Time after which an unseen track is forgotten', 's', 0.01, 60.0
+        3.0,
+        'Time after which an unseen track is forgotten; stamps that jump farther are not trusted',
+        's',
+        0.01,
+        60.0,
     )
     late_window: float = parameter(
         0.2, 'Detections this much late still count, older ones are rejected', 's', 0.0, 2.0

@@ -10,11 +10,11 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from layered_cbf_ros.errors import EXIT_MISSING
 from layered_cbf_ros.supervision import shared_memory
 from layered_cbf_ros.supervision.process_plan import ProcessSpec
 
 MISSING = re.compile(r'MISSING (\S+?):? ')
-EXIT_MISSING = 3
 CHUNK = 65536
 
 Tell = Callable[[str, str], None]

@@ -10,7 +10,7 @@ from layered_cbf_ros.supervision.status import Row
 
 COLOURS = (36, 33, 32, 35, 34, 96, 93, 92, 95, 94)
 BAR = 30
-RED, DIM = 31, 2
+DIM = 2
 
 
 def progress_line(clock: float | None, duration: float, wall: float) -> str:
@@ -71,10 +71,6 @@ class Printer:
         self._erase()
         print(text, file=self._stream)
         self._draw()
-
-    def fail(self, text: str) -> None:
-        """Print what went wrong."""
-        self.say(self._painted(text, RED))
 
     def status(self, now: float, progress: str, rows: Sequence[Row]) -> None:
         """Show how the run goes; where there is no terminal, now and then."""

@@ -13,6 +13,7 @@ from layered_cbf_ros.resources import find_folder
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import to_json
 from layered_cbf_ros.supervision.run_parameters import (
+    explicit,
     parameter_file,
     read_defaults,
     run_parameters,
@@ -43,7 +44,7 @@ class RunFolder:
 
     @property
     def scenario(self) -> Path:
-        """Return the scenario as it is run: a scenario file too."""
+        """Return the scenario as it is run, every parameter in it: a scenario file too."""
         return self.path / 'scenario.yaml'
 
     @property
@@ -78,13 +79,10 @@ def make_run_folder(
         if any(folder.path.iterdir()):
             raise LayeredCbfError(f'{path} is not empty; name a new folder for the run')
         (folder.path / 'logs').mkdir()
-        folder.scenario.write_text(to_json(scenario), encoding='utf-8')
-        values = run_parameters(
-            scenario,
-            read_defaults(find_folder('params')),
-            folder.scenario,
-            folder.bag if record else None,
-        )
+        defaults = read_defaults(find_folder('params'))
+        folder.scenario.write_text(to_json(explicit(scenario, defaults)), encoding='utf-8')
+        bag = folder.bag if record else None
+        values = run_parameters(scenario, defaults, folder.scenario, bag)
         folder.parameters.write_text(parameter_file(values), encoding='utf-8')
     except OSError as error:
         raise LayeredCbfError(f'{path} can not be written: {error.strerror}') from None

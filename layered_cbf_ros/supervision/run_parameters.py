@@ -13,6 +13,7 @@ from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
 from layered_cbf_ros.parameters import from_mapping
 from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario_checks import SETTLED, problems
 from layered_cbf_ros.supervision.process_plan import PLANT, RECORDER, node_names
 
 Values = dict[str, Any]
@@ -34,6 +35,30 @@ def read_defaults(folder: Path) -> dict[str, Values]:
                 f'{file}: not a parameter file; its form is `node: {{ros__parameters: ...}}`'
             ) from None
     return defaults
+
+
+def explicit(scenario: Scenario, defaults: Mapping[str, Mapping[str, Any]]) -> Scenario:
+    """Return the scenario with every parameter in it that its run will have.
+
+    A bag that holds it can be judged, and the run repeated, whatever becomes of the
+    files in params/.
+
+    Args:
+        scenario: What is run.
+        defaults: Values by node, as `read_defaults` returns them.
+
+    Raises:
+        ParameterError: If a default is unknown, out of its range or in contradiction.
+    """
+    parameters = {}
+    for node in NODE_PARAMETERS:
+        values = _complete(node, _given(node, scenario, defaults))
+        parameters[node] = {name: v for name, v in values.items() if name not in SETTLED}
+    whole = dataclasses.replace(scenario, parameters=parameters)
+    for problem in problems(whole):
+        field = '.'.join(map(str, problem.path))
+        raise ParameterError(f'{field} {problem.what}; {problem.remedy}')
+    return whole
 
 
 def run_parameters(
@@ -70,11 +95,9 @@ def run_parameters(
     parameters = {}
     for name in names:
         node = name.rpartition('/')[2]
-        given = {**defaults.get(node, {}), **scenario.parameters.get(node, {})}
-        parameters[name] = {**_complete(node, given), **common}
+        parameters[name] = {**_complete(node, _given(node, scenario, defaults)), **common}
     for robot in scenario.robots:
         parameters[f'/{robot.name}/ground_force_mpc']['gait'] = robot.gait
-    parameters['/coordinator']['rate'] = rates.state
     parameters[PLANT]['wait_for'] = [name for name in names if name != PLANT]
     if bag is not None:
         parameters[RECORDER]['output'] = str(bag)
@@ -86,6 +109,13 @@ def parameter_file(parameters: Mapping[str, Values]) -> str:
     form = {name: {'ros__parameters': values} for name, values in parameters.items()}
     text: str = yaml.safe_dump(form, sort_keys=False)
     return text
+
+
+def _given(
+    node: str, scenario: Scenario, defaults: Mapping[str, Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """Return the values that a scenario or else a file gives a node."""
+    return {**defaults.get(node, {}), **scenario.parameters.get(node, {})}
 
 
 def _complete(node: str, given: Mapping[str, Any]) -> Values:

@@ -29,7 +29,7 @@ class Patience:
     Attributes:
         ready: For every node to become ready.
         reports: For further nodes to tell whom they miss, after the first did.
-        standstill: Without any progress of simulated time in lockstep.
+        standstill: Without any progress of the plant's clock.
         interrupt: Between SIGINT and SIGTERM.
         terminate: Between SIGTERM and SIGKILL.
         restart: Before a node that died is started again.

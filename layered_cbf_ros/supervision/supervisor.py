@@ -10,7 +10,8 @@ import enum
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from layered_cbf_ros.supervision.child import EXIT_MISSING, describe_exit
+from layered_cbf_ros.errors import EXIT_MISSING
+from layered_cbf_ros.supervision.child import describe_exit
 from layered_cbf_ros.supervision.process_plan import PLANT, ProcessSpec
 from layered_cbf_ros.supervision.shutdown import Patience, Process, Shutdown
 
@@ -97,7 +98,6 @@ class Supervisor:
         self.processes: dict[str, Process] = {}
         self.ended: dict[str, int] = {}
         self._plan = {spec.name: spec for spec in plan}
-        self._lockstep = not any(spec.restarts for spec in plan)
         self._launch = launch
         self._tell = tell
         self._patience = patience or Patience()
@@ -188,10 +188,11 @@ class Supervisor:
         if news.clock is not None and news.clock != self._progress[1]:
             self._progress = (now, news.clock)
         self._judge_reports(now)
-        if self._lockstep and now - self._progress[0] > self._patience.standstill:
-            names = ', '.join(news.silent) or 'nobody in particular'
+        if now - self._progress[0] > self._patience.standstill:
+            silent = tuple(name for name in news.silent if name not in self.ended)
+            names = ', '.join(silent) or 'nobody in particular'
             reason = f'no progress for {self._patience.standstill:.0f} s; silent: {names}'
-            self._stop(RunOutcome(Code.FAILED, reason, news.silent))
+            self._stop(RunOutcome(Code.FAILED, reason, silent))
 
     def _judge_reports(self, now: float) -> None:
         """Name the root cause once everybody had time to tell whom he misses."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import proxsuite
 
-from layered_cbf_ros.interfaces import Array
-from layered_cbf_ros.robot_model import GRAVITY, RobotModel
+from layered_cbf_ros.interfaces import GRAVITY, Array
+from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 
 _UNBOUNDED = 1e20

@@ -8,8 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.interfaces import NS_PER_S, Array, GroundForcePlan, PlannedMotion, RobotState
-from layered_cbf_ros.robot_model import GRAVITY, RobotModel
+from layered_cbf_ros.interfaces import (
+    GRAVITY,
+    NS_PER_S,
+    Array,
+    GroundForcePlan,
+    PlannedMotion,
+    RobotState,
+)
+from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.rounding import rounded
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 from layered_cbf_ros.whole_body.swing_curve import SwingCurve

@@ -187,7 +187,7 @@ def _crossing(
     robots: Sequence[Robot], walls: Sequence[Wall], obstacles: Sequence[Obstacle], duration: float
 ) -> list[float]:
     """Return the times of the coordinator's steps while ideal robots cross [ns]."""
-    coordinator = Coordinator(CoordinatorParameters(rate=CROSSING_RATE), robots, walls)
+    coordinator = Coordinator(CoordinatorParameters(), robots, walls, CROSSING_RATE)
     state = coordinator.start(0)
     with timed(Coordinator, 'step') as times:
         for tick in range(round(duration * CROSSING_RATE)):
