@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseArray
-from live_node import LiveNode
+from live_node import ENVIRONMENT, LiveNode
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
@@ -19,6 +21,7 @@ from layered_cbf_ros.messages.joint_state import JointStateWriter
 from layered_cbf_ros.messages.robot_state import StateWriter
 from layered_cbf_ros.messages.standard import named_values, points, track_odometry
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
+from layered_cbf_ros.node_parameters import parameter_names
 from layered_cbf_ros.robot_model import RobotModel
 
 pytestmark = pytest.mark.system
@@ -221,6 +224,7 @@ def test_tracker_refuses_detections_that_are_not_numbers():
         ('coordinator', ['-p', 'scenario:=stand', '-p', 'alpha1:=-1.0'], 'alpha1'),
         ('simulator', ['-p', 'scenario:=stand', '-p', 'time:=warp'], 'time'),
         ('recorder', [], 'output'),
+        ('whole_body_controller', ['-p', 'frictoin:=0.5'], 'frictoin'),
     ],
 )
 def test_a_wrong_parameter_is_one_clear_line(executable, arguments, words):
@@ -234,3 +238,13 @@ def test_a_wrong_parameter_is_one_clear_line(executable, arguments, words):
     finally:
         if live.process.poll() is None:
             live.stop()
+
+
+@pytest.mark.parametrize('executable', ['coordinator', 'simulator', 'ground_force_mpc'])
+def test_help_lists_every_parameter_with_its_unit(executable):
+    program = f'from layered_cbf_ros.nodes.{executable} import main; main()'
+    command = [sys.executable, '-c', program, '--help']
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True)
+    for name in parameter_names(executable):
+        assert f'  {name}: ' in done.stdout
+    assert 'state_rate: states and joint commands [Hz] = 1000' in done.stdout

@@ -37,7 +37,6 @@ class QpSolution:
         primal_residual: Largest violation of rows and bounds [m/s^2].
         dual_residual: Largest entry of the Lagrangian's gradient with respect to u,
             the multipliers of its limits included [m/s^2].
-        iterations: Outer iterations.
     """
 
     status: QpStatus
@@ -46,7 +45,6 @@ class QpSolution:
     multipliers: Array
     primal_residual: float
     dual_residual: float
-    iterations: int
 
 
 class PlannerQp:
@@ -135,15 +133,15 @@ class PlannerQp:
             return self._failed(QpStatus.INACCURATE, broken, dual)
         slack = np.zeros(len(bound))
         slack[self._soft] = allowed[inputs:]
-        u, iterations = allowed[:inputs], results.info.iter_ext
-        return QpSolution(QpStatus.SOLVED, u, slack, multipliers, broken, dual, iterations)
+        u = allowed[:inputs]
+        return QpSolution(QpStatus.SOLVED, u, slack, multipliers, broken, dual)
 
     def _failed(self, status: QpStatus, primal: float = np.inf, dual: float = np.inf) -> QpSolution:
         """Return the failure; the next solve starts afresh, not from a poisoned guess."""
         self._ready = False
         rows = len(self._no_limit)
         u, zeros = np.full(self._inputs, np.nan), np.zeros(rows)
-        return QpSolution(status, u, zeros, zeros, primal, dual, 0)
+        return QpSolution(status, u, zeros, zeros, primal, dual)
 
 
 def braking_input(velocity: Array, time_constant: float, limit: float) -> Array:

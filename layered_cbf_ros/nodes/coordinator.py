@@ -32,7 +32,7 @@ class CoordinatorNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__('coordinator')
-        self._scenario = scenario = load_scenario(self.declare_parameter('scenario', '').value)
+        self._scenario = scenario = load_scenario(self.scenario)
         self._names = [robot.name for robot in scenario.robots]
         parameters = declare(self, CoordinatorParameters)
         self._coordinator = Coordinator(

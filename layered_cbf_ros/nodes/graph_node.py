@@ -17,9 +17,16 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from layered_cbf_ros.errors import GraphError, LayeredCbfError, MessageError
+from layered_cbf_ros.errors import (
+    EXIT_MISSING,
+    GraphError,
+    LayeredCbfError,
+    MessageError,
+    ParameterError,
+)
 from layered_cbf_ros.loop_statistics import LoopStatistics
 from layered_cbf_ros.nodes.declaring import declare
+from layered_cbf_ros.nodes.help import help_text
 from layered_cbf_ros.nodes.inputs import Input
 from layered_cbf_ros.nodes.transport import (
     RELIABLE_DEPTH,
@@ -45,7 +52,7 @@ SILENT_SLICES = 3  # after so many a message counts as lost
 SERVICE_PERIOD_NS = 500_000_000
 DIAGNOSTIC_PERIOD_NS = 1_000_000_000
 DELIVERY_S = 0.5
-EXIT_ERROR, EXIT_MISSING = 2, 3
+EXIT_ERROR = 2
 
 
 class StopRequestedError(Exception):
@@ -64,6 +71,7 @@ class GraphNode(Node):
         self.timing = declare(self, TimingParameters)
         self.rules = InputRules(self.timing)
         self.lockstep = self.timing.time == LOCKSTEP
+        self.scenario = str(self.declare_parameter('scenario', '').value)
         self.recorded = bool(self.declare_parameter('recorded', False).value)
         self.state_topic = str(self.declare_parameter('state_topic', '/state').value)
         self.stop_requested = False
@@ -126,6 +134,17 @@ class GraphNode(Node):
         except MessageError as error:
             self.statistics.reject(str(error))
             return None
+
+    def refuse_unknown_parameters(self) -> None:
+        """Make sure that every parameter that was given is known.
+
+        Raises:
+            ParameterError: Naming the first that isn't.
+        """
+        for name in self._parameter_overrides:
+            if not self.has_parameter(name):
+                node = self.get_name()
+                raise ParameterError(f"{node}: unknown parameter '{name}'; see {node} --help")
 
     def become_ready(self) -> None:
         """Wait, in lockstep, until every topic has its partners; then tell."""
@@ -270,11 +289,15 @@ class GraphNode(Node):
 
 def run_node(make: Callable[[], GraphNode]) -> None:
     """Start a node, run it to its end, and turn every error into one line."""
+    if {'-h', '--help'} & set(sys.argv[1:]):
+        print(help_text(make))
+        return
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = None
     code = 0
     try:
         node = make()
+        node.refuse_unknown_parameters()
         node.run()
     except StopRequestedError:
         pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 import numpy as np
@@ -34,7 +35,8 @@ class SimulatorNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__('simulator')
-        self._scenario = scenario = load_scenario(self.declare_parameter('scenario', '').value)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the physics engine talks to itself
+        self._scenario = scenario = load_scenario(self.scenario)
         names = [robot.name for robot in scenario.robots]
         model = RobotModel()
         starts = [

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+from pathlib import Path
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -112,12 +113,26 @@ class Run:
         self._printer.status(now, progress, rows)
 
 
+def check_writable(path: Path) -> None:
+    """Make sure, before anything starts, that a file can be written at the end.
+
+    Raises:
+        LayeredCbfError: If it can't.
+    """
+    try:
+        path.open('a').close()
+    except OSError as error:
+        raise LayeredCbfError(f'--json {path}: {error.strerror}; name another file') from None
+
+
 def supervise(options: Options) -> int:
     """Carry out a whole run; return the exit code."""
     time_mode = REAL_TIME if options.real_time else None
     scenario = with_overrides(
         load_scenario(options.scenario), options.seed, options.duration, time_mode
     )
+    if options.json is not None:
+        check_writable(options.json)
     lock = DomainLock(os.environ.get('ROS_DOMAIN_ID') or '0')
     shared_memory.remove(lock.leftovers)
     date = time.strftime('%Y%m%d_%H%M%S')

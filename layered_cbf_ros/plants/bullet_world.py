@@ -16,14 +16,14 @@ import pybullet
 from pybullet_utils.bullet_client import BulletClient
 
 from layered_cbf_ros.errors import MessageError
-from layered_cbf_ros.interfaces import NS_PER_S, Array, RobotState
+from layered_cbf_ros.interfaces import GRAVITY, NS_PER_S, Array, RobotState
 from layered_cbf_ros.plants.bullet_robot import TOE_FRICTION, BulletRobot
 from layered_cbf_ros.plants.clearance import ClearanceMeter, ClearanceReport
 from layered_cbf_ros.plants.parameters import SimulatorParameters
 from layered_cbf_ros.scenario import Obstacle, Push, Scenario, Wall
 
 STEP_NS = 1_000_000
-GRAVITY = (0.0, 0.0, -9.81)
+DOWN = (0.0, 0.0, -GRAVITY)  # [m/s^2]
 _WALL_HALF_SIZE = (200.0, 0.5, 1.0)  # along, across, height [m]
 
 
@@ -58,7 +58,7 @@ class BulletWorld:
         """
         self._client = client = BulletClient(pybullet.DIRECT)
         client.setTimeStep(STEP_NS / NS_PER_S)
-        client.setGravity(*GRAVITY)
+        client.setGravity(*DOWN)
         client.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
         self._scenario, self._parameters = scenario, parameters
         fixtures = {'ground': _ground(client, scenario.world.friction)}
@@ -133,7 +133,7 @@ class BulletWorld:
         """Return what a robot's inertial measurement unit reads."""
         it = self._robots[robot]
         return ImuReading(
-            it.state.configuration[3:7], it.state.velocity[3:6], it.specific_force(GRAVITY)
+            it.state.configuration[3:7], it.state.velocity[3:6], it.specific_force(DOWN)
         )
 
     def clearances(self) -> ClearanceReport:

@@ -38,6 +38,8 @@ def conclude(
         'run': str(folder.path),
     }
     passed = True
+    if outcome.code is not Code.FINISHED:
+        say(f'{outcome.code.name}: {outcome.reason}')
     if folder.recorded:
         try:
             record = load_run(folder.bag)
@@ -56,6 +58,4 @@ def conclude(
     text = json.dumps(summary, indent=2) + '\n'
     for path in filter(None, (folder.summary, copy)):
         path.write_text(text, encoding='utf-8')
-    if outcome.code is not Code.FINISHED:
-        say(f'{outcome.code.name}: {outcome.reason}')
     return code

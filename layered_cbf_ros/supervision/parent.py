@@ -20,6 +20,7 @@ def tie_to_parent(parent: int, death_signal: int = signal.SIGKILL) -> None:
         parent: Process id of the parent.
         death_signal: What the kernel sends when the parent dies.
     """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback while it still imports
     os.setpgid(0, 0)
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, int(death_signal))
     if os.getppid() != parent:  # it died before we asked to be told
