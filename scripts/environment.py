@@ -27,9 +27,13 @@ def jazzy_is_complete(variables: dict[str, str]) -> bool:
     Its compiled modules are made for one another (and for numpy 1), so they are used
     all together, as `rosdep install` brings them, or not at all.
     """
+    return variables.get('ROS_DISTRO') == 'jazzy' and not missing_beside_jazzy(variables)
+
+
+def missing_beside_jazzy(variables: dict[str, str]) -> list[str]:
+    """Return which of the modules that we need the sourced workspaces do not have."""
     folders = [Path(p) for p in variables.get('PYTHONPATH', '').split(os.pathsep) if p]
-    found = [any((folder / name).is_dir() for folder in folders) for name in NATIVE]
-    return variables.get('ROS_DISTRO') == 'jazzy' and all(found)
+    return [name for name in NATIVE if not any((folder / name).is_dir() for folder in folders)]
 
 
 def venv_folder(variables: dict[str, str]) -> Path:

@@ -15,6 +15,7 @@ from environment import (
     fingerprint,
     is_ready,
     jazzy_is_complete,
+    missing_beside_jazzy,
     run_variables,
     venv_folder,
 )
@@ -29,6 +30,10 @@ def prepare() -> tuple[Path, dict[str, str]]:
     venv = venv_folder(variables)
     wanted = fingerprint(variables)
     if not is_ready(venv, wanted):
+        missing = missing_beside_jazzy(variables)
+        if variables.get('ROS_DISTRO') == 'jazzy' and missing:
+            names = ', '.join(missing)
+            print(f'setup: Jazzy is sourced without {names}; wheels are used', file=sys.stderr)
         import installation  # a ready environment starts without it
 
         try:
