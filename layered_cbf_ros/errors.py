@@ -29,3 +29,11 @@ class BagError(LayeredCbfError):
 
 class GraphError(LayeredCbfError):
     """The node graph isn't complete, or stopped answering."""
+
+
+class MissingInputError(GraphError):
+    """An input that a lockstep tick needs did not come in time."""
+
+
+class StopRequestedError(Exception):
+    """The node was asked to end: no error, but the way out of its loop."""

@@ -17,7 +17,8 @@ from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.standard import named_values, series
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
 from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.nodes.track_input import TrackInput
 from layered_cbf_ros.robot_model import RobotModel, has_fallen, yaw_of
 from layered_cbf_ros.scenario_file import load_scenario

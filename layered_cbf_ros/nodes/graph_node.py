@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from layered_cbf_ros.errors import (
-    EXIT_MISSING,
-    GraphError,
-    LayeredCbfError,
     MessageError,
+    MissingInputError,
     ParameterError,
+    StopRequestedError,
 )
 from layered_cbf_ros.loop_statistics import LoopStatistics
 from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.help import help_text
-from layered_cbf_ros.nodes.inputs import Input
 from layered_cbf_ros.nodes.transport import (
     RELIABLE_DEPTH,
     RESEND_DEPTH,
@@ -39,7 +33,6 @@ from layered_cbf_ros.nodes.transport import (
 from layered_cbf_ros.timing import (
     LOCKSTEP,
     Inbox,
-    InputRule,
     InputRules,
     StampGuard,
     TimingParameters,
@@ -52,15 +45,6 @@ SILENT_SLICES = 3  # after so many a message counts as lost
 SERVICE_PERIOD_NS = 500_000_000
 DIAGNOSTIC_PERIOD_NS = 1_000_000_000
 DELIVERY_S = 0.5
-EXIT_ERROR = 2
-
-
-class StopRequestedError(Exception):
-    """The node was asked to end."""
-
-
-class MissingInputError(GraphError):
-    """An input that a lockstep tick needs did not come in time."""
 
 
 class GraphNode(Node):
@@ -105,27 +89,6 @@ class GraphNode(Node):
         expected = expected_readers + self.recorded
         self.writers.append(Writer(self, message_type, topic, expected, kept))
         return self.writers[-1]
-
-    def input(
-        self,
-        message_type: type,
-        topic: str,
-        rule: InputRule,
-        decode: Callable[[bytes], T],
-        sender: str,
-        poll_ns: int = 0,
-    ) -> Input[T]:
-        """Subscribe to an input.
-
-        Args:
-            message_type, topic: What.
-            rule: How old it is when it is used.
-            decode: Returns the core type, or raises MessageError.
-            sender: Whom to name if it does not come.
-            poll_ns: How long to take by polling before blocking [ns].
-        """
-        reader = self.reader(message_type, topic)
-        return Input(self, reader, rule, decode, sender, poll_ns)
 
     def accept(self, decode: Callable[[A], T], data: A) -> T | None:
         """Return the decoded message, or count and name it if it is refused."""
@@ -285,29 +248,3 @@ class GraphNode(Node):
 
     def _request_stop(self, number: int, frame: object) -> None:
         self.stop_requested = True
-
-
-def run_node(make: Callable[[], GraphNode]) -> None:
-    """Start a node, run it to its end, and turn every error into one line."""
-    if {'-h', '--help'} & set(sys.argv[1:]):
-        print(help_text(make))
-        return
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = None
-    code = 0
-    try:
-        node = make()
-        node.refuse_unknown_parameters()
-        node.run()
-    except StopRequestedError:
-        pass
-    except MissingInputError as error:
-        code = EXIT_MISSING
-        print(error, file=sys.stderr, flush=True)
-    except LayeredCbfError as error:
-        code = EXIT_ERROR
-        print(f'ERROR {error}', file=sys.stderr, flush=True)
-    if node is not None:
-        node.close()
-    rclpy.shutdown()
-    sys.exit(code)

@@ -16,7 +16,9 @@ from layered_cbf_ros.messages.ground_forces import GroundForceWriter
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.trajectory import TrajectoryReader
 from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.plan_following import PlanFollower
 from layered_cbf_ros.robot_model import RobotModel, yaw_of
 
@@ -33,9 +35,9 @@ class GroundForceMpcNode(GraphNode):
         body = RigidBody(self._model.mass, self._model.inertia, self._model.hip_offsets)
         self._mpc = GroundForceMpc(parameters, body)
         self._state = StateReader(robot)
-        self._plan = self.input(
-            MultiDOFJointTrajectory,
-            '/safe_trajectory',
+        self._plan = Input(
+            self,
+            self.reader(MultiDOFJointTrajectory, '/safe_trajectory'),
             self.rules.plan,
             TrajectoryReader(robot).read,
             '/coordinator',

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import Generic, TypeVar
 
+from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.transport import Reader
 from layered_cbf_ros.timing import Inbox, InputRule
-
-if TYPE_CHECKING:
-    from layered_cbf_ros.nodes.graph_node import GraphNode
 
 T = TypeVar('T')
 
 
 class Input(Generic[T]):
-    """One input besides the state: fetched by the timing rule, decoded, refused if bad."""
+    """One input besides the state: fetched by the timing rule, decoded, refused if bad.
+
+    Args:
+        node: Whose input it is.
+        reader: Where its messages come from.
+        rule: How old it is when it is used.
+        decode: Returns the core type, or raises MessageError.
+        sender: Whom to name if it does not come.
+        poll_ns: How long to take by polling before blocking [ns].
+    """
 
     def __init__(
         self,

@@ -14,7 +14,8 @@ from layered_cbf_ros.interfaces import Array, Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.standard import points, points_from, track_odometry
 from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.nodes.transport import TRACK_DEPTH, decoded
 from layered_cbf_ros.perception.obstacle_tracker import ObstacleTracker
 from layered_cbf_ros.perception.parameters import ObstacleTrackerParameters

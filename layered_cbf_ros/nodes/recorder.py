@@ -12,9 +12,10 @@ from std_msgs.msg import Header
 from layered_cbf_ros.bags.metadata import qos_yaml
 from layered_cbf_ros.bags.recording import counter_for
 from layered_cbf_ros.bags.writer import BagWriter
-from layered_cbf_ros.errors import BagError, ParameterError
+from layered_cbf_ros.errors import BagError, ParameterError, StopRequestedError
 from layered_cbf_ros.messages.standard import header
-from layered_cbf_ros.nodes.graph_node import GraphNode, StopRequestedError, run_node
+from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.nodes.transport import Reader
 
 DEPTH = 2000  # beyond the window in which the simulator waits for the recorder

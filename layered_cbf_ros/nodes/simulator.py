@@ -9,12 +9,15 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
+from layered_cbf_ros.errors import MissingInputError
 from layered_cbf_ros.interfaces import JOINT_NAMES, NS_PER_S, Array
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.joint_state import JointStateReader
 from layered_cbf_ros.messages.robot_state import StateWriter
 from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.graph_node import SLICE_S, GraphNode, MissingInputError, run_node
+from layered_cbf_ros.nodes.graph_node import SLICE_S, GraphNode
+from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.nodes.simulator_outputs import SimulatorOutputs
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
 from layered_cbf_ros.plants.bullet_world import STEP_NS, BulletWorld
@@ -47,9 +50,9 @@ class SimulatorNode(GraphNode):
         self._state = self.writer(JointState, self.state_topic, 2 * len(names) + 1)
         self._encoder = StateWriter(names)
         self._commands = [
-            self.input(
-                JointState,
-                f'/{name}/joint_commands',
+            Input(
+                self,
+                self.reader(JointState, f'/{name}/joint_commands'),
                 self.rules.command,
                 JointStateReader(JOINT_NAMES).read,
                 f'/{name}/whole_body_controller',

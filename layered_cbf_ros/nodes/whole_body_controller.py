@@ -14,7 +14,9 @@ from layered_cbf_ros.messages.joint_state import JointStateWriter
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.trajectory import TrajectoryReader
 from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.graph_node import GraphNode, run_node
+from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.plan_following import PlanFollower
 from layered_cbf_ros.robot_model import RobotModel, yaw_of
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
@@ -31,16 +33,16 @@ class WholeBodyControllerNode(GraphNode):
         self._model = RobotModel(parameters.com_height)
         self._controller = WholeBodyController(parameters, self._model)
         self._state = StateReader(robot)
-        self._plan = self.input(
-            MultiDOFJointTrajectory,
-            '/safe_trajectory',
+        self._plan = Input(
+            self,
+            self.reader(MultiDOFJointTrajectory, '/safe_trajectory'),
             self.rules.plan,
             TrajectoryReader(robot).read,
             '/coordinator',
         )
-        self._forces = self.input(
-            JointState,
-            'ground_forces',
+        self._forces = Input(
+            self,
+            self.reader(JointState, 'ground_forces'),
             self.rules.forces,
             GroundForceReader().read,
             f'/{robot}/ground_force_mpc',
