@@ -1,6 +1,7 @@
 """A run starts whole, ends in order, names who spoilt it, and leaves nothing behind."""
 
 import io
+import mmap
 import os
 import signal
 import subprocess
@@ -692,3 +693,19 @@ def test_shared_memory_of_a_killed_child_is_removed_and_no_other(start, tmp_path
     child.send(signal.SIGKILL)
     wait_for(lambda: child.poll() is not None)
     assert list(folder.iterdir()) == [foreign]
+
+
+def test_ports_of_our_domain_that_nobody_maps_are_removed(tmp_path, monkeypatch):
+    """One port is in our memory, one in nobody's, one is of another domain."""
+    monkeypatch.setattr(shared_memory, 'FOLDER', tmp_path)
+    used, free, foreign = (tmp_path / f'fastrtps_port{7400 + n}' for n in (251, 253, 501))
+    for port in (used, free, foreign):
+        port.write_bytes(bytes(4096))
+    mutex = tmp_path / f'sem.{free.name}_mutex'
+    mutex.touch()
+    with used.open('r+b') as file, mmap.mmap(file.fileno(), 4096):
+        assert shared_memory.remove_ports(1) == 1
+    assert used.exists()
+    assert foreign.exists()
+    assert not free.exists()
+    assert not mutex.exists()

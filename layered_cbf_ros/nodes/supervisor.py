@@ -133,7 +133,8 @@ def supervise(options: Options) -> int:
     )
     if options.json is not None:
         check_writable(options.json)
-    lock = DomainLock(os.environ.get('ROS_DOMAIN_ID') or '0')
+    domain = os.environ.get('ROS_DOMAIN_ID') or '0'
+    lock = DomainLock(domain)
     shared_memory.remove(lock.leftovers)
     date = time.strftime('%Y%m%d_%H%M%S')
     folder = make_run_folder(scenario, date, options.output, options.record)
@@ -143,6 +144,7 @@ def supervise(options: Options) -> int:
     outcome = run.until_it_ends()
     wall_time = run.graph.wall_time
     run.graph.destroy_node()
+    shared_memory.remove_ports(int(domain))
     lock.release()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)  # no process is left that would need care

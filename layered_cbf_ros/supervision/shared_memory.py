@@ -3,7 +3,7 @@
 Fast DDS gives each participant a memory segment and a port, and guards each with a
 lock file that ends in `_el`. A participant that is killed can't remove them. Only
 files that we saw one of our own children hold are removed, and only if nobody
-holds their lock any more.
+holds their lock any more; and ports of our own domain that nobody maps any more.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 FOLDER = Path('/dev/shm')
 PREFIXES = ('fastrtps_', 'fastdds_')
 LOCK_SUFFIX = '_el'
+PORT_BASE, PORTS_PER_DOMAIN = 7400, 250  # of the DDS standard
 
 
 def held_by(pid: int) -> frozenset[Path]:
@@ -40,6 +41,36 @@ def remove(locks: Iterable[Path]) -> int:
     return sum(_remove_if_free(lock) for lock in locks if _is_lock(lock))
 
 
+def remove_ports(domain: int) -> int:
+    """Remove the ports of a domain that no process has in its memory; return how many."""
+    first = PORT_BASE + PORTS_PER_DOMAIN * domain
+    names = [f'fastrtps_port{first + k}' for k in range(PORTS_PER_DOMAIN)]
+    ports = [FOLDER / name for name in names if (FOLDER / name).exists()]
+    used = _mapped() if ports else frozenset()
+    free = [port for port in ports if port not in used]
+    for port in free:
+        _unlink_all(port.name)
+    return len(free)
+
+
+def _mapped() -> frozenset[Path]:
+    """Return the files of FOLDER that processes have in their memory."""
+    found = set()
+    for process in Path('/proc').glob('[0-9]*'):
+        try:
+            lines = (process / 'maps').read_text().splitlines()
+        except OSError:  # it has ended, or is somebody else's
+            continue
+        found |= {Path(line[line.index('/') :]) for line in lines if f' {FOLDER}/' in line}
+    return frozenset(found)
+
+
+def _unlink_all(segment: str) -> None:
+    """Remove a segment with its mutex and its lock file."""
+    for name in (segment, f'sem.{segment}_mutex', f'{segment}{LOCK_SUFFIX}'):
+        (FOLDER / name).unlink(missing_ok=True)
+
+
 def _is_lock(path: Path) -> bool:
     name = path.name
     return path.parent == FOLDER and name.startswith(PREFIXES) and name.endswith(LOCK_SUFFIX)
@@ -55,9 +86,7 @@ def _remove_if_free(lock: Path) -> bool:
     except OSError:
         return False
     else:
-        segment = lock.name[: -len(LOCK_SUFFIX)]
-        for name in (segment, f'sem.{segment}_mutex', lock.name):
-            lock.with_name(name).unlink(missing_ok=True)
+        _unlink_all(lock.name[: -len(LOCK_SUFFIX)])
         return True
     finally:
         os.close(descriptor)
