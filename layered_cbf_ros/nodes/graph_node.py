@@ -190,9 +190,10 @@ class GraphNode(Node):
         if give_up_ns is not None and now_ns > give_up_ns:
             raise MissingInputError(f'MISSING {sender}: nothing on {reader.topic}')
 
-    def begin_wait(self) -> None:
-        """Count the silence of a new wait from its begin."""
+    def begin_wait(self) -> int:
+        """Begin to wait in lockstep; return the wall time at which to give up [ns]."""
         self._silent_slices = 0
+        return time.monotonic_ns() + round(self.timing.patience * 1e9)
 
     def on_silence(self) -> None:
         """Do nothing: only who keeps the time asks again for what may be lost."""

@@ -6,7 +6,6 @@ import time
 
 import numpy as np
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from layered_cbf_ros.ground_forces.ground_force_mpc import GroundForceMpc, MpcInputs, MpcStatus
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
@@ -14,10 +13,9 @@ from layered_cbf_ros.ground_forces.single_rigid_body import RigidBody
 from layered_cbf_ros.interfaces import PlannedMotion, RobotState
 from layered_cbf_ros.messages.ground_forces import GroundForceWriter
 from layered_cbf_ros.messages.robot_state import StateReader
-from layered_cbf_ros.messages.trajectory import TrajectoryReader
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
-from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.inputs import plan_input
 from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.plan_following import PlanFollower
 from layered_cbf_ros.robot_model import RobotModel, yaw_of
@@ -35,13 +33,7 @@ class GroundForceMpcNode(GraphNode):
         body = RigidBody(self._model.mass, self._model.inertia, self._model.hip_offsets)
         self._mpc = GroundForceMpc(parameters, body)
         self._state = StateReader(robot)
-        self._plan = Input(
-            self,
-            self.reader(MultiDOFJointTrajectory, '/safe_trajectory'),
-            self.rules.plan,
-            TrajectoryReader(robot).read,
-            '/coordinator',
-        )
+        self._plan = plan_input(self, robot)
         self._follower = PlanFollower(parameters.braking)
         self._forces = self.writer(JointState, 'ground_forces')
         self._encoder = GroundForceWriter()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from layered_cbf_ros.interfaces import PlannedMotion
+from layered_cbf_ros.messages.trajectory import TrajectoryReader
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.transport import Reader
 from layered_cbf_ros.timing import Inbox, InputRule
@@ -60,8 +63,7 @@ class Input(Generic[T]):
 
     def _wait_for(self, stamp_ns: int) -> bytes:
         found = self._inbox.exactly(stamp_ns)
-        self._node.begin_wait()
-        give_up_ns = time.monotonic_ns() + round(self._node.timing.patience * 1e9)
+        give_up_ns = self._node.begin_wait()
         while found is None:
             data = self._reader.poll(self._poll_ns)
             if data is None:
@@ -77,3 +79,9 @@ class Input(Generic[T]):
         for _ in range(self._inbox.drop_after(tick_ns + self._rule.period_ns)):
             self._node.statistics.reject(f'{self._reader.topic}: stamp in the future')
         return self._inbox.newest(tick_ns, self._rule.age_limit_ns)
+
+
+def plan_input(node: GraphNode, robot: str) -> Input[PlannedMotion]:
+    """Return the input that both controllers of a robot have: its safe motion."""
+    reader = node.reader(MultiDOFJointTrajectory, '/safe_trajectory')
+    return Input(node, reader, node.rules.plan, TrajectoryReader(robot).read, '/coordinator')

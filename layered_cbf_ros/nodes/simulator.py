@@ -128,7 +128,7 @@ class SimulatorNode(GraphNode):
         """
         if self._progress is None:
             return
-        give_up_ns = time.monotonic_ns() + round(self.timing.patience * 1e9)
+        give_up_ns = self.begin_wait()
         while self._world.stamp_ns - self._recorded_ns > window_ns:
             self.serve()
             data = self._progress.take()

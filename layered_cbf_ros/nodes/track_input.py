@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from operator import itemgetter
 
 from geometry_msgs.msg import PoseArray
@@ -54,7 +53,7 @@ class TrackInput:
         count = self._counts.at(tick_ns)
         if wanted is None or count is None:
             return
-        give_up_ns = time.monotonic_ns() + round(self._node.timing.patience * 1e9)
+        give_up_ns = self._node.begin_wait()
         while len(due := self._due(wanted)) < count:
             track = self._take()
             if track is None:

@@ -6,16 +6,14 @@ import time
 
 import numpy as np
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from layered_cbf_ros.interfaces import JOINT_NAMES
 from layered_cbf_ros.messages.ground_forces import GroundForceReader
 from layered_cbf_ros.messages.joint_state import JointStateWriter
 from layered_cbf_ros.messages.robot_state import StateReader
-from layered_cbf_ros.messages.trajectory import TrajectoryReader
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
-from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.inputs import Input, plan_input
 from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.plan_following import PlanFollower
 from layered_cbf_ros.robot_model import RobotModel, yaw_of
@@ -33,13 +31,7 @@ class WholeBodyControllerNode(GraphNode):
         self._model = RobotModel(parameters.com_height)
         self._controller = WholeBodyController(parameters, self._model)
         self._state = StateReader(robot)
-        self._plan = Input(
-            self,
-            self.reader(MultiDOFJointTrajectory, '/safe_trajectory'),
-            self.rules.plan,
-            TrajectoryReader(robot).read,
-            '/coordinator',
-        )
+        self._plan = plan_input(self, robot)
         self._forces = Input(
             self,
             self.reader(JointState, 'ground_forces'),
