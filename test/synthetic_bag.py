@@ -26,8 +26,8 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
-from layered_cbf_ros.bags.metadata import qos_yaml
-from layered_cbf_ros.bags.writer import BagWriter
+from layered_cbf_ros.bags.storage.metadata import qos_yaml
+from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.interfaces import JOINT_NAMES, LEGS, NS_PER_S
 from layered_cbf_ros.patterns import Circle
 from layered_cbf_ros.robot_model import RobotModel

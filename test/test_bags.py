@@ -18,10 +18,10 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from layered_cbf_ros.bags.reader import BagReader, read_messages
-from layered_cbf_ros.bags.recording import TopicCounter, counter_for
-from layered_cbf_ros.bags.series import JointStates, JointTrajectories, PlannedMotions
-from layered_cbf_ros.bags.writer import BagWriter
+from layered_cbf_ros.bags.recording.topic_counter import TopicCounter, counter_for
+from layered_cbf_ros.bags.run.series import JointStates, JointTrajectories, PlannedMotions
+from layered_cbf_ros.bags.storage.reader import BagReader, read_messages
+from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError, LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.joint_state import JointStateWriter
@@ -183,7 +183,7 @@ def test_a_spoilt_chunk_ends_the_bag_but_not_the_reader(tmp_path):
 KILLED = """
 import sys, time
 from pathlib import Path
-from layered_cbf_ros.bags.writer import BagWriter
+from layered_cbf_ros.bags.storage.writer import BagWriter
 bag = BagWriter(Path(sys.argv[1]))
 topic = bag.add_topic('/said', 'std_msgs/msg/String')
 data = bytes.fromhex(sys.argv[2])

@@ -18,9 +18,9 @@ pytest.importorskip('rclpy')
 from live_node import DOMAIN
 from live_run import ENVIRONMENT, LIMIT_S, LiveRun
 
-from layered_cbf_ros.bags.reader import BagReader
-from layered_cbf_ros.bags.run_record import load_run
-from layered_cbf_ros.bags.verdict import judge
+from layered_cbf_ros.bags.run.run_record import load_run
+from layered_cbf_ros.bags.run.verdict import judge
+from layered_cbf_ros.bags.storage.reader import BagReader
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of

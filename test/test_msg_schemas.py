@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from layered_cbf_ros.bags.schemas import load_schema
+from layered_cbf_ros.bags.storage.schemas import load_schema
 from layered_cbf_ros.errors import BagError
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,7 +12,7 @@ pytest.importorskip('rclpy')
 
 from live_run import LiveRun, is_alive, wait_until_gone
 
-from layered_cbf_ros.bags.verdict import judge
+from layered_cbf_ros.bags.run.verdict import judge
 from layered_cbf_ros.supervision import shared_memory
 
 pytestmark = pytest.mark.system

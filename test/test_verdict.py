@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from layered_cbf_ros.bags.checks import Limits
-from layered_cbf_ros.bags.evidence import missing_evidence
-from layered_cbf_ros.bags.figures import draw, draw_record
-from layered_cbf_ros.bags.measures import roll_pitch_tilt
-from layered_cbf_ros.bags.run_record import load_run
-from layered_cbf_ros.bags.verdict import judge, judge_record
+from layered_cbf_ros.bags.figures.run_figures import draw, draw_record
+from layered_cbf_ros.bags.run.checks import Limits
+from layered_cbf_ros.bags.run.evidence import missing_evidence
+from layered_cbf_ros.bags.run.measures import roll_pitch_tilt
+from layered_cbf_ros.bags.run.run_record import load_run
+from layered_cbf_ros.bags.run.verdict import judge, judge_record
 
 pytest.importorskip('rclpy', reason='rclpy, which serialises the synthetic bag, is not installed')
 from synthetic_bag import GOAL_X, LANE, SPEED, TOLERANCE, Recipe, SyntheticRun, write_bag

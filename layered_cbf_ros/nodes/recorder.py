@@ -9,9 +9,9 @@ from pathlib import Path
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Header
 
-from layered_cbf_ros.bags.metadata import qos_yaml
-from layered_cbf_ros.bags.recording import counter_for
-from layered_cbf_ros.bags.writer import BagWriter
+from layered_cbf_ros.bags.recording.topic_counter import counter_for
+from layered_cbf_ros.bags.storage.metadata import qos_yaml
+from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError, ParameterError, StopRequestedError
 from layered_cbf_ros.messages.standard import header
 from layered_cbf_ros.nodes.graph_node import GraphNode

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from layered_cbf_ros.bags.figures import draw_record
-from layered_cbf_ros.bags.run_record import load_run
-from layered_cbf_ros.bags.verdict import judge_record
+from layered_cbf_ros.bags.figures.run_figures import draw_record
+from layered_cbf_ros.bags.run.run_record import load_run
+from layered_cbf_ros.bags.run.verdict import judge_record
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.supervision.run_folder import RunFolder
 from layered_cbf_ros.supervision.supervisor import Code, RunOutcome

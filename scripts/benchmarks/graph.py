@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.row import Row
-from layered_cbf_ros.bags.reader import read_messages
+from layered_cbf_ros.bags.storage.reader import read_messages
 
 SHORT = 10.0  # simulated time, unless the full run is asked for [s]
 PERIOD = 1.0  # between samples of the memory [s]

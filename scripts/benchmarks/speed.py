@@ -21,7 +21,7 @@ from closed_loop import ClosedLoop, walk
 from test_coordinator import told, track
 
 from benchmarks.row import Row
-from layered_cbf_ros.bags.writer import BagWriter
+from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.coordination.coordinator import Coordinator
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.interfaces import JOINT_NAMES, Array, GroundForcePlan

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.reader import BagReader, MessageDecoder, Record
-from layered_cbf_ros.bags.series import (
+from layered_cbf_ros.bags.run.series import (
     JointStates,
     JointTrajectories,
     PlannedMotions,
     Series,
     SeriesBuilder,
 )
+from layered_cbf_ros.bags.storage.reader import BagReader, MessageDecoder, Record
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, state_names

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from layered_cbf_ros.bags import measures
-from layered_cbf_ros.bags.checks import Check, Limits, RunFigures, compare, format_table
-from layered_cbf_ros.bags.distances import pair_distances
-from layered_cbf_ros.bags.evidence import missing_evidence
-from layered_cbf_ros.bags.run_record import RunRecord, load_run
+from layered_cbf_ros.bags.run import measures
+from layered_cbf_ros.bags.run.checks import Check, Limits, RunFigures, compare, format_table
+from layered_cbf_ros.bags.run.distances import pair_distances
+from layered_cbf_ros.bags.run.evidence import missing_evidence
+from layered_cbf_ros.bags.run.run_record import RunRecord, load_run
 from layered_cbf_ros.interfaces import NS_PER_S
 
 

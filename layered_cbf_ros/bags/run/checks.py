@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from layered_cbf_ros.bags.measures import Contact, Fall
+from layered_cbf_ros.bags.run.measures import Contact, Fall
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layered_cbf_ros.bags.run_record import RunRecord
+from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.interfaces import Array
 

@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from layered_cbf_ros.bags import measures
-from layered_cbf_ros.bags.run_record import (
+from layered_cbf_ros.bags.run import measures
+from layered_cbf_ros.bags.run.run_record import (
     CLEARANCE,
     DIAGNOSTICS,
     EFFORT,

@@ -8,8 +8,8 @@ from types import TracebackType
 
 from mcap.writer import CompressionType, Writer
 
-from layered_cbf_ros.bags.metadata import RecordedTopic, TimeSpan, qos_yaml, write_metadata
-from layered_cbf_ros.bags.schemas import load_schema
+from layered_cbf_ros.bags.storage.metadata import RecordedTopic, TimeSpan, qos_yaml, write_metadata
+from layered_cbf_ros.bags.storage.schemas import load_schema
 from layered_cbf_ros.errors import BagError
 
 CHUNK_BYTES = 1 << 20

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.run_record import POSITION, RobotMotion, RunRecord
-from layered_cbf_ros.bags.series import Series
+from layered_cbf_ros.bags.run.run_record import POSITION, RobotMotion, RunRecord
+from layered_cbf_ros.bags.run.series import Series
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.robot_model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
 from layered_cbf_ros.scenario import Scenario

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from layered_cbf_ros.bags.distances import pair_distances
-from layered_cbf_ros.bags.drawing import (
+from layered_cbf_ros.bags.figures.drawing import (
     PAIR_COLOURS,
     UNSAFE,
     add_legend,
@@ -20,8 +19,9 @@ from layered_cbf_ros.bags.drawing import (
     start_at_zero,
     thin,
 )
-from layered_cbf_ros.bags.plane_figure import draw_trajectories
-from layered_cbf_ros.bags.run_record import RunRecord, load_run
+from layered_cbf_ros.bags.figures.plane_figure import draw_trajectories
+from layered_cbf_ros.bags.run.distances import pair_distances
+from layered_cbf_ros.bags.run.run_record import RunRecord, load_run
 from layered_cbf_ros.interfaces import Array
 
 CYCLE_S = 0.4

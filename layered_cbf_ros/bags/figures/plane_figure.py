@@ -9,15 +9,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.transforms import Affine2D
 
-from layered_cbf_ros.bags.drawing import (
+from layered_cbf_ros.bags.figures.drawing import (
     OBSTACLE_COLOURS,
     add_legend,
     colours,
     label_axes,
     new_figure,
 )
-from layered_cbf_ros.bags.measures import smallest_clearance
-from layered_cbf_ros.bags.run_record import RunRecord
+from layered_cbf_ros.bags.run.measures import smallest_clearance
+from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.interfaces import Array
 from layered_cbf_ros.scenario import Scenario
 

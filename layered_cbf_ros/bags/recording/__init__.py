@@ -1,0 +1,1 @@
+"""What a recorder takes, and what it counts."""

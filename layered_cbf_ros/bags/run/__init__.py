@@ -1,0 +1,1 @@
+"""One run as its bag tells it: numbers over time, figures, a verdict."""

@@ -1,0 +1,1 @@
+"""Bags as files: rosbag2 folders of mcap, written, read and mended."""
