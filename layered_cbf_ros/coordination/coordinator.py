@@ -128,8 +128,10 @@ class Coordinator:
         return CoordinationResult(
             state=advanced(state, u, turn, self._period_ns),
             motions=motions(state, u),
+            target=target,
             u=u,
             u_desired=u_desired,
+            held=held,
             labels=rows.labels,
             psi0=rows.psi0,
             psi1=rows.psi1,

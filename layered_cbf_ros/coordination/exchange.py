@@ -43,7 +43,9 @@ class CoordinationResult:
     Attributes:
         state: The plan one period later.
         motions: The plan at the stamp of the inputs, one a robot.
+        target: Desired velocities [m/s], (N, 2); they shape the reachable sets.
         u, u_desired: Applied and desired inputs [m/s^2], (N, 2).
+        held: Robots that can't obey: frozen, or told to stand, (N,).
         labels: What each row keeps apart.
         psi0, psi1, psi2: Barrier functions [m], [m/s], [m/s^2], (M,) each; psi2 with
             the applied input.
@@ -60,8 +62,10 @@ class CoordinationResult:
 
     state: CoordinationState
     motions: tuple[PlannedMotion, ...]
+    target: Array
     u: Array
     u_desired: Array
+    held: NDArray[np.bool_]
     labels: tuple[str, ...]
     psi0: Array
     psi1: Array

@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from layered_cbf_ros.coordination.coordinator import Coordinator
 from layered_cbf_ros.coordination.exchange import CoordinationInputs, CoordinationResult
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
-from layered_cbf_ros.interfaces import RobotState, Track
+from layered_cbf_ros.interfaces import Array, RobotState, Track
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.standard import named_values, series
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
@@ -46,6 +46,8 @@ class CoordinatorNode(GraphNode):
         self._encoder = TrajectoryWriter(self._names)
         self._barriers = self.writer(JointTrajectory, '/coordinator/barriers', 0)
         self._intervention = self.writer(JointTrajectory, '/coordinator/intervention', 0)
+        self._desired = self.writer(JointTrajectory, '/coordinator/desired', 0)
+        self._axes = [f'{name}/{axis}' for name in self._names for axis in ('x', 'y')]
         self._balls = self.writer(JointState, '/coordinator/balls', 0)
         self._batch: list[CoordinationResult] = []
 
@@ -119,6 +121,8 @@ class CoordinatorNode(GraphNode):
         stamps = [result.motions[0].stamp_ns for result in batch]
         changes = [(np.hypot(*(r.u - r.u_desired).T),) for r in batch]
         self._intervention.publish(serialize_message(series(self._names, stamps, changes)))
+        wishes = [_wishes(r) for r in batch]
+        self._desired.publish(serialize_message(series(self._axes, stamps, wishes)))
         if last.labels:
             rows = [(r.psi0, r.psi1, r.psi2, r.slack) for r in batch]
             self._barriers.publish(serialize_message(series(last.labels, stamps, rows)))
@@ -126,6 +130,16 @@ class CoordinatorNode(GraphNode):
             names = [f'{label}/{axis}' for label in last.ball_labels for axis in BALL]
             values = np.column_stack((last.q, last.r)).ravel()
             self._balls.publish(serialize_message(named_values(stamps[-1], names, values)))
+
+
+def _wishes(result: CoordinationResult) -> tuple[Array, Array, Array, Array]:
+    """Return what /coordinator/desired tells of a tick, robot by robot and axis by axis.
+
+    Positions hold the applied input, velocities the desired velocity, accelerations the
+    desired input; effort is 1 for a robot that can't obey.
+    """
+    held = np.repeat(result.held.astype(float), 2)
+    return result.u.ravel(), result.target.ravel(), result.u_desired.ravel(), held
 
 
 def main() -> None:

@@ -1,0 +1,38 @@
+"""Which topics each node of a run acts on: what must be replayed to make it work again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from layered_cbf_ros.errors import LayeredCbfError
+
+STATE, PLAN = '/state', '/safe_trajectory'
+DETECTIONS, TRACKS, TRACKED = '/obstacles/detections', '/obstacles/tracks', '/obstacles/tracked'
+ONE_OF_A_KIND = {
+    'coordinator': (STATE, TRACKS, TRACKED),
+    'obstacle_tracker': (DETECTIONS,),
+}
+PER_ROBOT = ('ground_force_mpc', 'whole_body_controller')
+
+
+def inputs_of(node: str, robots: Sequence[str]) -> tuple[str, ...]:
+    """Return the topics that a node acts on.
+
+    Args:
+        node: Its name: `coordinator`, `obstacle_tracker`, `simulator`, or with its robot
+            `a1_0/ground_force_mpc`, `a1_0/whole_body_controller`; a leading slash is fine.
+        robots: Names of the robots of the run.
+
+    Raises:
+        LayeredCbfError: If there is no such node.
+    """
+    robot, _, kind = node.strip('/').rpartition('/')
+    if not robot and kind in ONE_OF_A_KIND:
+        return ONE_OF_A_KIND[kind]
+    if not robot and kind == 'simulator':
+        return tuple(f'/{name}/joint_commands' for name in robots)
+    if robot in robots and kind in PER_ROBOT:
+        forces = (f'/{robot}/ground_forces',) if kind == 'whole_body_controller' else ()
+        return (STATE, PLAN, *forces)
+    known = [*ONE_OF_A_KIND, 'simulator', *(f'{name}/{k}' for name in robots for k in PER_ROBOT)]
+    raise LayeredCbfError(f"no node '{node}'; there are {', '.join(known)}")
