@@ -20,7 +20,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from layered_cbf_ros.bags.recording.topic_counter import TopicCounter, counter_for
 from layered_cbf_ros.bags.run.series import JointStates, JointTrajectories, PlannedMotions
-from layered_cbf_ros.bags.storage.reader import BagReader, read_messages
+from layered_cbf_ros.bags.storage.opening import open_bag
+from layered_cbf_ros.bags.storage.reader import BagReader
 from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError, LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S
@@ -138,8 +139,8 @@ def test_unknown_types_are_decoded_by_the_bag_s_own_definition(tmp_path):
     message = struct.pack('<HIQQ', 1, 0, 1, 1) + b'\0\1\0\0' + struct.pack('<ii', 3, -4)
     path = tmp_path / 'own.mcap'
     path.write_bytes(HEAD + record(3, schema) + record(4, channel) + record(5, message) + TAIL)
-    ((topic, _, pair),) = read_messages(path)
-    assert (topic, pair.a, pair.b) == ('/pair', 3, -4)
+    ((entry, pair),) = open_bag(path).messages()
+    assert (entry.topic.name, pair.a, pair.b) == ('/pair', 3, -4)
 
 
 @pytest.mark.parametrize('compression', ['none', 'lz4'])
@@ -297,7 +298,7 @@ def test_a_message_that_does_not_fit_its_type_is_named(tmp_path):
     odd = struct.pack('<HIQQ', 1, 0, 1, 1) + string_cdr('said') + bytes(64)
     path.write_bytes(HEAD + CHANNEL + record(5, odd) + TAIL)
     with pytest.raises(BagError, match='/said'):
-        list(read_messages(path))
+        list(open_bag(path).messages())
 
 
 @pytest.mark.parametrize('lost', [(), (5,), (3, 4, 5, 40), tuple(range(10, 60, 2))])

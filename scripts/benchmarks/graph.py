@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.row import Row
-from layered_cbf_ros.bags.storage.reader import read_messages
+from layered_cbf_ros.bags.storage.opening import open_bag
 
 SHORT = 10.0  # simulated time, unless the full run is asked for [s]
 PERIOD = 1.0  # between samples of the memory [s]
@@ -110,7 +110,7 @@ def _figure_rows(scenario: str, figures: Mapping[str, Any], memory: float) -> li
 def _solve_rows(scenario: str, bag: Path) -> list[Row]:
     """Return each kind of node's time per tick as it told itself; of several the slowest."""
     told: dict[str, dict[str, str]] = {}
-    for _, _, message in read_messages(bag, ['/diagnostics']):
+    for _, message in open_bag(bag).messages(['/diagnostics']):
         for status in message.status:
             told[status.name] = {entry.key: entry.value for entry in status.values}
     slowest: dict[str, tuple[float, float]] = {}

@@ -18,7 +18,9 @@ from layered_cbf_ros.bags.run.series import (
     Series,
     SeriesBuilder,
 )
-from layered_cbf_ros.bags.storage.reader import BagReader, MessageDecoder, Record
+from layered_cbf_ros.bags.storage.decoding import MessageDecoder
+from layered_cbf_ros.bags.storage.opening import open_bag
+from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, state_names
@@ -195,7 +197,7 @@ def load_run(path: Path) -> RunRecord:
     Raises:
         BagError: If there is no bag.
     """
-    reader, loader = BagReader(path), _Loader()
+    reader, loader = open_bag(path), _Loader()
     for record in reader.records({*loader.series, OBSTACLES, SCENARIO, DIAGNOSTICS}):
         loader.take(record)
     built = {topic: builder.build() for topic, builder in loader.series.items()}

@@ -1,63 +1,69 @@
-"""Reads bags by streaming through them, so that a bag cut off anywhere gives what is whole."""
+"""Reads mcap bags by streaming through them: one cut off anywhere gives what is whole."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BufferedReader
+from itertools import takewhile
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
-import lz4.frame
-import zstandard
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
+from layered_cbf_ros.bags.storage.bag import Bag
+from layered_cbf_ros.bags.storage.mcap_records import (
+    CHUNK,
+    MESSAGE,
+    MESSAGE_HEAD,
+    METADATA,
+    RECORD_HEAD,
+    UNPACKING_ERRORS,
+    Channels,
+    FileEnd,
+    chunk_records,
+    file_records,
+    note_of,
+)
+from layered_cbf_ros.bags.storage.topic import Record, Topic
 from layered_cbf_ros.errors import BagError
 
-MAGIC = b'\x89MCAP0\r\n'
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
-RECORD_HEAD = struct.Struct('<BQ')
-MESSAGE_HEAD = struct.Struct('<HIQQ')
-CHUNK_HEAD = struct.Struct('<QQQI')
+Place = tuple[int, int, int, int]  # log time [ns], file, offset and number in the chunk
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
-    """A topic found in a bag, with the definition that the bag carries."""
-
-    name: str
-    type_name: str
-    definition: str
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """One message as it stands in the bag.
+@dataclass(frozen=True, slots=True, order=True)
+class _Stretch:
+    """Where messages stand: a chunk, or one message outside of chunks.
 
     Attributes:
-        topic: Where it was sent.
-        log_time_ns, publish_time_ns: When it was recorded and sent [ns].
-        data: CDR bytes.
+        first_ns, last_ns: Log times [ns].
+        file, offset: Number of the file, and of its byte.
     """
 
-    topic: Topic
-    log_time_ns: int
-    publish_time_ns: int
-    data: bytes
+    first_ns: int
+    last_ns: int
+    file: int
+    offset: int
 
 
-class BagReader:
-    """Streams one bag, as often as asked.
-
-    It never uses the index at the end of a file. After a pass the attributes tell
-    what was found; before, they are empty.
+@dataclass
+class _Scan:
+    """What one look at every file found.
 
     Attributes:
-        truncated: True if a file ends before its footer, or a chunk is spoilt.
-        counts: Messages by topic, including topics that weren't asked for.
-        log_span_ns: First and last log time [ns]; zeros if there is no message.
+        stretches: Those that can be read, by time.
+        channels: The topics of each file.
+        truncated, notes: As in Bag.
+    """
+
+    stretches: list[_Stretch] = field(default_factory=list)
+    channels: list[Channels] = field(default_factory=list)
+    truncated: bool = False
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)
+
+
+class BagReader(Bag):
+    """Streams one bag of mcap files.
+
+    It never trusts the index at the end of a file, which a damaged one lacks.
     """
 
     def __init__(self, path: Path) -> None:
@@ -69,176 +75,139 @@ class BagReader:
         Raises:
             BagError: If there is no mcap file.
         """
-        self.files = _find_files(path)
-        self.truncated = False
-        self.counts: dict[str, int] = {}
-        self.log_span_ns = (0, 0)
+        super().__init__(path, find_mcap_files(path))
+        self._scan: _Scan | None = None
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """Return the topics by name; the first call looks through the bag."""
+        channels = self._scanned().channels
+        return {topic.name: topic for part in channels for topic in part.topics.values()}
 
     def records(self, topics: Collection[str] | None = None) -> Iterator[Record]:
-        """Yield messages in the order of the file.
-
-        Args:
-            topics: Names of those wanted; None for all.
-
-        Raises:
-            BagError: If a file is no mcap file.
-        """
-        self.truncated, self.counts, self.log_span_ns = False, {}, (0, 0)
+        """Yield messages in the order of the files, see Bag."""
+        self._begin_pass()
         for path in self.files:
-            channels: dict[int, Topic] = {}
-            for channel, message in self._messages(path, channels):
-                _, _, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(message)
-                topic = channels[channel]
-                self._count(topic.name, log_time_ns)
-                if topics is None or topic.name in topics:
-                    data = bytes(message[MESSAGE_HEAD.size :])
-                    yield Record(topic, log_time_ns, publish_time_ns, data)
+            channels = Channels()
+            for opcode, _, body in self._whole_records(path):
+                for topic, message in self._messages(opcode, body, channels):
+                    yield from self._wanted(topic, message, topics)
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[Record, Any]]:
-        """Yield records together with the decoded message, as rosbags decodes it.
+    def in_time_order(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None
+    ) -> Iterator[Record]:
+        """Yield messages in the order of their log times, see Bag.
 
-        Raises:
-            BagError: If a message can't be decoded, or a file is no mcap file.
+        A chunk is unpacked when the first of its messages is due, so that only chunks
+        that overlap in time are in memory together.
         """
-        decoder = MessageDecoder()
-        for record in self.records(topics):
-            yield record, decoder.decode(record)
-
-    def _count(self, topic: str, log_time_ns: int) -> None:
-        first, last = self.log_span_ns if self.counts else (log_time_ns, log_time_ns)
-        self.log_span_ns = (min(first, log_time_ns), max(last, log_time_ns))
-        self.counts[topic] = self.counts.get(topic, 0) + 1
-
-    def _messages(self, path: Path, channels: dict[int, Topic]) -> Iterator[tuple[int, memoryview]]:
-        """Yield channel id and body of each message; learn the channels on the way."""
-        schemas: dict[int, tuple[str, str]] = {}
-        with path.open('rb') as stream:
-            for opcode, body in self._file_records(path, stream):
-                parts = iter([(opcode, body)]) if opcode != CHUNK else self._chunk_records(body)
-                for kind, part in parts:
-                    if kind == MESSAGE:
-                        channel = int.from_bytes(part[:2], 'little')
-                        if channel in channels:
-                            yield channel, part
-                    elif kind == SCHEMA:
-                        _learn_schema(part, schemas)
-                    elif kind == CHANNEL:
-                        _learn_channel(part, schemas, channels)
-                if self.truncated:
-                    return
-
-    def _file_records(self, path: Path, stream: BufferedReader) -> Iterator[tuple[int, memoryview]]:
-        """Yield the whole records of a file; note if it ends before its footer."""
-        size = path.stat().st_size
-        magic = stream.read(len(MAGIC))
-        if not MAGIC.startswith(magic):
-            raise BagError(f'{path} is no mcap file')
-        while True:
-            head = stream.read(RECORD_HEAD.size)
-            if len(head) < RECORD_HEAD.size:
-                break
-            opcode, length = RECORD_HEAD.unpack(head)
-            if opcode == 0 or length > size - stream.tell():
-                break
-            body = memoryview(stream.read(length))
-            if opcode == FOOTER:
-                self.truncated |= stream.read(len(MAGIC)) != MAGIC
-                return
-            yield opcode, body
-        self.truncated = True
-
-    def _chunk_records(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
-        """Yield the records of a chunk; a chunk that can't be unpacked ends the bag."""
+        scan = self._scanned()
+        self._begin_pass()
+        self.truncated, self.notes = scan.truncated, scan.notes
+        waiting: list[tuple[Place, Topic, memoryview]] = []
+        streams = [path.open('rb') for path in self.files]
         try:
-            data = memoryview(_unpack_chunk(body))
-        except (struct.error, RuntimeError, zstandard.ZstdError, BagError):
-            self.truncated = True
+            for stretch in scan.stretches:
+                if start_ns is not None and stretch.last_ns < start_ns:
+                    continue
+                due = list(takewhile(lambda e, s=stretch: e[0][0] < s.first_ns, waiting))  # type: ignore[misc]
+                for _, topic, message in due:
+                    yield from self._wanted(topic, message, topics, start_ns)
+                del waiting[: len(due)]
+                channels = scan.channels[stretch.file]
+                waiting += self._unpacked(stretch, streams[stretch.file], channels)
+                waiting.sort(key=itemgetter(0))
+            for _, topic, message in waiting:
+                yield from self._wanted(topic, message, topics, start_ns)
+        finally:
+            for stream in streams:
+                stream.close()
+
+    def _wanted(
+        self,
+        topic: Topic,
+        message: memoryview,
+        topics: Collection[str] | None,
+        start_ns: int | None = None,
+    ) -> Iterator[Record]:
+        """Count a message, and yield it if it was asked for."""
+        _, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(message)
+        if start_ns is not None and log_ns < start_ns:
             return
-        at = 0
-        while at + RECORD_HEAD.size <= len(data):
-            opcode, length = RECORD_HEAD.unpack_from(data, at)
-            at += RECORD_HEAD.size
-            if length > len(data) - at:
-                self.truncated = True
-                return
-            yield opcode, data[at : at + length]
-            at += length
+        self._count(topic.name, log_ns)
+        if topics is None or topic.name in topics:
+            yield Record(topic, log_ns, publish_ns, bytes(message[MESSAGE_HEAD.size :]), sequence)
 
+    def _unpacked(
+        self, stretch: _Stretch, stream: BufferedReader, channels: Channels
+    ) -> Iterator[tuple[Place, Topic, memoryview]]:
+        """Yield the messages of a stretch with what they are sorted by."""
+        stream.seek(stretch.offset)
+        opcode, length = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
+        body = memoryview(stream.read(length))
+        for k, (topic, message) in enumerate(self._messages(opcode, body, channels)):
+            log_ns = MESSAGE_HEAD.unpack_from(message)[2]
+            yield (log_ns, stretch.file, stretch.offset, k), topic, message
 
-class MessageDecoder:
-    """Decodes records with rosbags; unknown types come from the bag's own definitions."""
+    def _scanned(self) -> _Scan:
+        """Look through the files once: which topics there are, and what stands where."""
+        if self._scan is None:
+            scan, self.truncated = _Scan(), False
+            for number, path in enumerate(self.files):
+                channels = Channels()
+                for opcode, offset, body in self._whole_records(path):
+                    times = [
+                        MESSAGE_HEAD.unpack_from(message)[2]
+                        for _, message in self._messages(opcode, body, channels)
+                    ]
+                    if times:
+                        scan.stretches.append(_Stretch(min(times), max(times), number, offset))
+                scan.channels.append(channels)
+            scan.stretches.sort()
+            scan.truncated, scan.notes = self.truncated, self.notes
+            self._scan = scan
+        return self._scan
 
-    def __init__(self) -> None:
-        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+    def _whole_records(self, path: Path) -> Iterator[tuple[int, int, memoryview]]:
+        """Yield the records of a file that are whole; take note if there is something missing."""
+        end = FileEnd()
+        with path.open('rb') as stream:
+            for opcode, offset, body in file_records(stream, end):
+                if opcode == METADATA:
+                    name, entries = note_of(body)
+                    self.notes[name] = entries
+                yield opcode, offset, body
+        self.truncated |= not end.whole
 
-    def decode(self, record: Record) -> Any:
-        """Return the message as a rosbags dataclass.
+    def _messages(
+        self, opcode: int, body: memoryview, channels: Channels
+    ) -> Iterator[tuple[Topic, memoryview]]:
+        """Yield topic and body of each message in a record; learn the topics on the way.
 
-        Raises:
-            BagError: If its bytes don't fit its type.
+        What can't be unpacked is left out, and the bag is no longer whole.
         """
-        topic = record.topic
-        if topic.type_name not in self._typestore.fielddefs:
-            self._typestore.register(get_types_from_msg(topic.definition, topic.type_name))
         try:
-            return self._typestore.deserialize_cdr(record.data, topic.type_name)
-        except SerdeError as error:
-            raise BagError(f'a message of {topic.name} cannot be decoded: {error}') from error
+            parts = iter([(opcode, body)]) if opcode != CHUNK else chunk_records(body)
+            for kind, part in parts:
+                if kind == MESSAGE:
+                    topic = channels.topics.get(int.from_bytes(part[:2], 'little'))
+                    if topic is not None and len(part) >= MESSAGE_HEAD.size:
+                        yield topic, part
+                else:
+                    channels.learn(kind, part)
+        except UNPACKING_ERRORS:
+            self.truncated = True
 
 
-def read_messages(
-    path: Path, topics: Collection[str] | None = None
-) -> Iterator[tuple[str, int, Any]]:
-    """Yield topic, log time [ns] and decoded message of a bag, whole or cut off."""
-    for record, message in BagReader(path).messages(topics):
-        yield record.topic.name, record.log_time_ns, message
+def find_mcap_files(path: Path) -> tuple[Path, ...]:
+    """Return the mcap files of a bag, in their order.
 
-
-def _find_files(path: Path) -> list[Path]:
+    Raises:
+        BagError: If there is none.
+    """
     if path.is_file():
-        return [path]
+        return (path,)
     found = [*path.glob('*.mcap')] or [*(path / 'bag').glob('*.mcap')]
     if not found:
         raise BagError(f'{path} holds no mcap file')
-    return sorted(found, key=lambda file: (len(file.name), file.name))
-
-
-def _unpack_chunk(body: memoryview) -> bytes | memoryview:
-    """Return the records of a chunk, decompressed."""
-    _, _, size, _ = CHUNK_HEAD.unpack_from(body)
-    compression, at = _text(body, CHUNK_HEAD.size)
-    packed = body[at + 8 :]
-    if compression == '':
-        data: bytes | memoryview = packed
-    elif compression == 'lz4':
-        data = lz4.frame.decompress(packed)
-    elif compression == 'zstd':
-        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-    else:
-        raise BagError(f"chunk compression '{compression}' is unknown")
-    if len(data) != size:
-        raise BagError(f'chunk has {len(data)} bytes instead of {size}')
-    return data
-
-
-def _learn_schema(body: memoryview, schemas: dict[int, tuple[str, str]]) -> None:
-    name, at = _text(body, 2)
-    _, at = _text(body, at)
-    definition, _ = _text(body, at)
-    schemas[int.from_bytes(body[:2], 'little')] = (name, definition)
-
-
-def _learn_channel(
-    body: memoryview, schemas: dict[int, tuple[str, str]], channels: dict[int, Topic]
-) -> None:
-    channel, schema = struct.unpack_from('<HH', body)
-    name, _ = _text(body, 4)
-    type_name, definition = schemas.get(schema, ('', ''))
-    channels[channel] = Topic(name, type_name, definition)
-
-
-def _text(body: memoryview, at: int) -> tuple[str, int]:
-    """Return the length-prefixed string at an offset, and the offset behind it."""
-    start = at + 4
-    end = start + int.from_bytes(body[at:start], 'little')
-    return str(body[start:end], 'utf-8'), end
+    return tuple(sorted(found, key=lambda file: (len(file.name), file.name)))
