@@ -6,10 +6,14 @@ from setuptools import find_packages, setup
 
 NAME = 'layered_cbf_ros'
 EXECUTABLES = (
+    'audit',
     'coordinator',
     'ground_force_mpc',
+    'inspect',
     'obstacle_tracker',
+    're_solve',
     'recorder',
+    'replay',
     'simulator',
     'supervisor',
     'whole_body_controller',
@@ -51,7 +55,9 @@ setup(
     extras_require={
         # Where no ROS 2 Jazzy is installed: its client library and messages as wheels.
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-rmw-fastrtps-cpp', 'ros-jazzy-common-interfaces'],
-        'test': ['mypy', 'pytest', 'ruff'],
+        # For `inspect --export parquet`.
+        'parquet': ['pyarrow'],
+        'test': ['mcap-ros2-support', 'mypy', 'pyarrow', 'pytest', 'ruff'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -20,7 +20,7 @@ PYBULLET_WHEELS = VERSIONS[:2]
 # What a Jazzy installation with the dependencies of package.xml may lack.
 BESIDE_JAZZY = (
     *('lz4', 'matplotlib', 'mcap', 'pillow', 'pybullet', 'pyyaml', 'rosbags', 'zstandard'),
-    *('mypy', 'pytest', 'ruff'),
+    *('mcap-ros2-support', 'mypy', 'pyarrow', 'pytest', 'ruff'),
 )
 PROBE = """
 import importlib.util, os, sys, sysconfig

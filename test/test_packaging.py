@@ -33,6 +33,7 @@ KEYS = {
     'yaml': 'python3-yaml',
     'zstandard': 'python3-zstandard',
 }
+OPTIONAL = {'pyarrow': 'parquet'}  # extras that a person installs when they want them
 DISTRIBUTIONS = {
     'PIL': 'pillow',
     'pinocchio': 'pin',
@@ -80,7 +81,7 @@ def imports(path):
 def imported_modules():
     """Return the top-level modules of others that the package imports."""
     found = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
-    return found - set(sys.stdlib_module_names) - {'layered_cbf_ros'}
+    return found - set(sys.stdlib_module_names) - {'layered_cbf_ros'} - set(OPTIONAL)
 
 
 def published_types():
@@ -130,6 +131,13 @@ def test_setup_py_requires_what_is_imported_beside_ros(setup_arguments):
     required = {Requirement(text).name for text in setup_arguments['install_requires']}
     modules = {module for module in imported_modules() if module in KEYS}
     assert required == {DISTRIBUTIONS.get(module, module) for module in modules}
+
+
+def test_what_is_optional_is_an_extra_and_the_tests_have_it(setup_arguments):
+    extras = setup_arguments['extras_require']
+    for module, extra in OPTIONAL.items():
+        assert module in extras[extra]
+        assert module in extras['test']
 
 
 def test_both_manifests_tell_the_same(manifest, setup_arguments):
