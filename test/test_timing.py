@@ -7,7 +7,7 @@ from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import PlannedMotion
 from layered_cbf_ros.loop_statistics import LoopStatistics
 from layered_cbf_ros.messages.joint_state import JointStateWriter
-from layered_cbf_ros.plan_following import PlanFollower
+from layered_cbf_ros.plan_following import follow
 from layered_cbf_ros.timing import Inbox, InputRules, StampGuard, TimingParameters
 
 MS = 1_000_000
@@ -109,21 +109,20 @@ def moving(stamp_ns: int, vx: float) -> PlannedMotion:
 
 
 def test_without_a_plan_a_robot_stays_where_it_stands():
-    motion, halt = PlanFollower(1.0).follow(7, None, np.array([1.0, 2.0]), 0.4)
-    assert halt
-    assert motion.position.tolist() == [1.0, 2.0]
-    assert motion.velocity.tolist() == [0.0, 0.0]
+    followed = follow(None, 7, None, np.array([1.0, 2.0]), 0.4, deceleration=1.0)
+    assert followed.halt
+    assert followed.motion.position.tolist() == [1.0, 2.0]
+    assert followed.motion.velocity.tolist() == [0.0, 0.0]
 
 
 def test_when_the_plan_ends_a_robot_stops_over_its_braking_distance():
     """v^2 / 2a, and no step in position or speed at the start."""
-    follower = PlanFollower(deceleration=2.0)
     plan, speed = moving(0, 0.5), 0.5
-    follower.follow(0, plan, np.zeros(2), 0.0)
-    begin, halt = follower.follow(1, None, np.zeros(2), 0.0)
-    assert halt
-    assert begin.velocity[0] == pytest.approx(speed, abs=1e-8)
-    end, _ = follower.follow(10_000 * MS, None, np.zeros(2), 0.0)
+    last = follow(None, 0, plan, np.zeros(2), 0.0, deceleration=2.0).last
+    begin = follow(last, 1, None, np.zeros(2), 0.0, deceleration=2.0)
+    assert begin.halt
+    assert begin.motion.velocity[0] == pytest.approx(speed, abs=1e-8)
+    end = follow(begin.last, 10_000 * MS, None, np.zeros(2), 0.0, deceleration=2.0).motion
     assert end.position[0] == pytest.approx(speed**2 / (2 * 2.0), rel=1e-12)
     assert end.velocity[0] == pytest.approx(0.0, abs=1e-12)
     assert end.acceleration[0] == 0.0

@@ -28,6 +28,7 @@ from layered_cbf_ros.coordination.planner_qp import (
     QpStatus,
     braking_input,
     chosen_input,
+    unfiltered,
 )
 from layered_cbf_ros.coordination.tracked_bodies import bodies_at, heeded_tracks
 from layered_cbf_ros.interfaces import NS_PER_S, Array, Track
@@ -47,6 +48,7 @@ class Coordinator:
         robots: Sequence[Robot],
         walls: Sequence[Wall],
         rate: int = 1000,
+        filtered: bool = True,
     ) -> None:
         """Allocate and warm up one QP for every number of obstacles.
 
@@ -55,6 +57,9 @@ class Coordinator:
             robots: The agents; those that only stand keep their place.
             walls: Half-planes to stay in.
             rate: Ticks per second [Hz].
+            filtered: False takes the desired motion within the input limits as it is,
+                whatever it runs into: for the question what the filter is good for.
+                No node's parameter sets it.
         """
         names = [robot.name for robot in robots]
         radii = np.full(len(robots), parameters.agent_radius)
@@ -62,13 +67,14 @@ class Coordinator:
         self._robots = tuple(robots)
         self._standing = np.array([robot.gait == 'stand' for robot in robots], dtype=bool)
         self._rate = rate
+        self._is_filtered = filtered
         self._period_ns = NS_PER_S // rate
         self._barriers: tuple[Barrier, ...] = (
             AgentAgent(names, radii, parameters),
             AgentObstacle(names, radii, parameters),
             AgentWall(names, radii, walls, parameters),
         )
-        counts = range(parameters.max_obstacles + 1)
+        counts = range(parameters.max_obstacles + 1) if filtered else range(0)
         self._problems = [self._problem(count) for count in counts]
         for count in counts:
             self._warm_up(count)
@@ -183,6 +189,9 @@ class Coordinator:
         limits = input_limits(
             state.velocities, p.acceleration_limit, p.speed_limit, 1.0 / self._rate
         )
+        if not self._is_filtered:
+            solution = unfiltered(u_desired.reshape(-1), len(bound), *limits)
+            return rounded(solution.u.reshape(-1, 2), p.input_resolution), solution
         problem = self._problems[bodies]
         solution = problem.solve(u_desired.reshape(-1), coefficients, bound, *limits)
         brake = braking_input(state.velocities, p.brake_time, p.acceleration_limit)

@@ -171,6 +171,18 @@ def chosen_input(solution: QpSolution, brake: Array) -> Array:
     return brake
 
 
+def unfiltered(desired: Array, rows: int, lower: Array, upper: Array) -> QpSolution:
+    """Return the solution of the program without its rows: the input nearest to the wish.
+
+    Args:
+        desired: k_d [m/s^2], (2 N,).
+        rows: Number of rows that are left out.
+        lower, upper: Hard limits of the inputs [m/s^2], (2 N,) each.
+    """
+    u, zeros = np.minimum(np.maximum(desired, lower), upper), np.zeros(rows)
+    return QpSolution(QpStatus.SOLVED, u, zeros, zeros, 0.0, 0.0)
+
+
 def _workspace(
     size: int, rows: int, parameters: CoordinatorParameters
 ) -> proxsuite.proxqp.dense.QP:

@@ -76,7 +76,12 @@ class CdrWriter:
 
 
 class CdrReader:
-    """Reads one message, field by field, never beyond its end."""
+    """Reads one message, field by field, never beyond its end.
+
+    Attributes:
+        blocks: Where doubles stand: offset [byte] and count.
+        padding: Where bytes stand that mean nothing: first, and the one behind the last.
+    """
 
     def __init__(self, data: bytes) -> None:
         if data[:4] != ENCAPSULATION:
@@ -84,11 +89,14 @@ class CdrReader:
         self._data = data
         self._at = len(ENCAPSULATION)
         self.blocks: list[tuple[int, int]] = []
+        self.padding: list[tuple[int, int]] = []
 
     def _advance(self, size: int, alignment: int) -> int:
         start = self._at + -(self._at - len(ENCAPSULATION)) % alignment
         if start + size > len(self._data):
             raise MessageError(f'message of {len(self._data)} bytes ends inside a field')
+        if start > self._at:
+            self.padding.append((self._at, start))
         self._at = start + size
         return start
 

@@ -14,24 +14,17 @@ from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import JOINT_NAMES, NS_PER_S, Array, RobotState, Track
 from layered_cbf_ros.messages.robot_state import FOOT_NAMES
+from layered_cbf_ros.messages.tracks import PLANE
 
 WORLD = 'world'
-# Rows of a 6 x 6 pose or twist covariance that hold x and y.
-PLANE = np.ix_((0, 1), (0, 1))
 
 
 def time_of(stamp_ns: int) -> Time:
     """Return a stamp [ns] as a message."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return Time(sec=seconds, nanosec=nanoseconds)
-
-
-def nanoseconds_of(stamp: Time) -> int:
-    """Return a message's stamp [ns]."""
-    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 
 def header(stamp_ns: int, frame_id: str = WORLD) -> Header:
@@ -120,11 +113,6 @@ def points(stamp_ns: int, positions: Array) -> PoseArray:
     return message
 
 
-def points_from(message: PoseArray) -> Array:
-    """Return the points of the plane that the poses stand at (n, 2) [m]."""
-    return np.array([(p.position.x, p.position.y) for p in message.poses]).reshape(-1, 2)
-
-
 def track_odometry(track: Track) -> Odometry:
     """Return a track; child_frame_id names it, the covariance is filled."""
     message = Odometry(header=header(track.stamp_ns), child_frame_id=track.name)
@@ -133,35 +121,6 @@ def track_odometry(track: Track) -> Odometry:
     message.pose.covariance = _covariance(track.covariance[:2, :2])
     message.twist.covariance = _covariance(track.covariance[2:, 2:])
     return message
-
-
-def track_from(message: Odometry, radius: float) -> Track:
-    """Return the track that an Odometry stands for.
-
-    Args:
-        message: Its twist is taken in the world frame.
-        radius: Radius of the body, which the message does not tell [m].
-
-    Raises:
-        MessageError: If it is nameless or not finite.
-    """
-    if not message.child_frame_id:
-        raise MessageError('track has no child_frame_id')
-    position, velocity = message.pose.pose.position, message.twist.twist.linear
-    covariance = np.zeros((4, 4))
-    covariance[:2, :2] = message.pose.covariance.reshape(6, 6)[PLANE]
-    covariance[2:, 2:] = message.twist.covariance.reshape(6, 6)[PLANE]
-    track = Track(
-        message.child_frame_id,
-        nanoseconds_of(message.header.stamp),
-        np.array([position.x, position.y]),
-        np.array([velocity.x, velocity.y]),
-        covariance,
-        radius,
-    )
-    if not all(np.isfinite(a).all() for a in (track.position, track.velocity, covariance)):
-        raise MessageError(f"track '{track.name}' has a value that is not finite")
-    return track
 
 
 def series(

@@ -9,10 +9,15 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
-from layered_cbf_ros.coordination.coordinator import Coordinator
-from layered_cbf_ros.coordination.exchange import CoordinationInputs, CoordinationResult
+from layered_cbf_ros.coordination.coordination_layer import (
+    CoordinationLayer,
+    axis_names,
+    barriers,
+    interventions,
+    wishes,
+)
+from layered_cbf_ros.coordination.exchange import CoordinationResult
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
-from layered_cbf_ros.interfaces import Array, RobotState, Track
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.standard import named_values, series
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
@@ -20,7 +25,6 @@ from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.nodes.track_input import TrackInput
-from layered_cbf_ros.robot_model import RobotModel, has_fallen, yaw_of
 from layered_cbf_ros.scenario_file import load_scenario
 
 BATCH = 20  # ticks told in one message: full rate at 50 messages a second
@@ -36,10 +40,9 @@ class CoordinatorNode(GraphNode):
         self._scenario = scenario = load_scenario(self.scenario)
         self._names = [robot.name for robot in scenario.robots]
         parameters = declare(self, CoordinatorParameters)
-        self._coordinator = Coordinator(
+        self._layer = CoordinationLayer(
             parameters, scenario.robots, scenario.walls, self.timing.state_rate
         )
-        self._model = RobotModel()
         self._states = [StateReader(name) for name in self._names]
         self._tracks = TrackInput(self, scenario) if scenario.obstacles else None
         self._plan = self.writer(MultiDOFJointTrajectory, '/safe_trajectory', 2 * len(self._names))
@@ -47,7 +50,7 @@ class CoordinatorNode(GraphNode):
         self._barriers = self.writer(JointTrajectory, '/coordinator/barriers', 0)
         self._intervention = self.writer(JointTrajectory, '/coordinator/intervention', 0)
         self._desired = self.writer(JointTrajectory, '/coordinator/desired', 0)
-        self._axes = [f'{name}/{axis}' for name in self._names for axis in ('x', 'y')]
+        self._axes = axis_names(self._names)
         self._balls = self.writer(JointState, '/coordinator/balls', 0)
         self._batch: list[CoordinationResult] = []
 
@@ -68,31 +71,12 @@ class CoordinatorNode(GraphNode):
             stamp_ns = known[0].stamp_ns
             tracks = self._tracks.at(stamp_ns) if self._tracks is not None else ()
             begun_ns = time.perf_counter_ns()
-            inputs = self._inputs(stamp_ns, states, tracks)
-            memory = memory or self._coordinator.start(stamp_ns, inputs.positions, inputs.yaws)
-            result = self._coordinator.step(memory, inputs)
+            result = self._layer.step(memory, stamp_ns, states, tracks)
             memory = result.state
             if stamp_ns % self.timing.plan_ns == 0 or not self.lockstep:
                 self._plan.publish(self._encoder.encode(stamp_ns, result.motions))
             self._count(result, states.count(None), time.perf_counter_ns() - begun_ns)
             self._tell(result)
-
-    def _inputs(
-        self, stamp_ns: int, states: list[RobotState | None], tracks: tuple[Track, ...]
-    ) -> CoordinationInputs:
-        """Return what the coordinator needs: CoM of every robot whose state is known."""
-        positions, velocities = (np.full((len(states), 2), np.nan) for _ in range(2))
-        yaws = np.full(len(states), np.nan)
-        fallen = np.zeros(len(states), dtype=bool)
-        for i, state in enumerate(states):
-            if state is not None:
-                self._model.update_kinematics(state.configuration, state.velocity)
-                positions[i] = self._model.com[:2]
-                velocities[i] = self._model.com_velocity[:2]
-                yaws[i] = yaw_of(self._model.rotation)
-                fallen[i] = has_fallen(state.configuration)
-        commands = (None,) * len(states)
-        return CoordinationInputs(stamp_ns, positions, velocities, fallen, tracks, commands, yaws)
 
     def _count(self, result: CoordinationResult, unknown: int, solve_ns: int) -> None:
         """Count what happened; states that are unknown were counted when they were refused."""
@@ -119,27 +103,17 @@ class CoordinatorNode(GraphNode):
             'tracks_left_out': str(last.tracks_left_out),
         }
         stamps = [result.motions[0].stamp_ns for result in batch]
-        changes = [(np.hypot(*(r.u - r.u_desired).T),) for r in batch]
+        changes = [interventions(r) for r in batch]
         self._intervention.publish(serialize_message(series(self._names, stamps, changes)))
-        wishes = [_wishes(r) for r in batch]
-        self._desired.publish(serialize_message(series(self._axes, stamps, wishes)))
+        asked = [wishes(r) for r in batch]
+        self._desired.publish(serialize_message(series(self._axes, stamps, asked)))
         if last.labels:
-            rows = [(r.psi0, r.psi1, r.psi2, r.slack) for r in batch]
+            rows = [barriers(r) for r in batch]
             self._barriers.publish(serialize_message(series(last.labels, stamps, rows)))
         if last.ball_labels:
             names = [f'{label}/{axis}' for label in last.ball_labels for axis in BALL]
             values = np.column_stack((last.q, last.r)).ravel()
             self._balls.publish(serialize_message(named_values(stamps[-1], names, values)))
-
-
-def _wishes(result: CoordinationResult) -> tuple[Array, Array, Array, Array]:
-    """Return what /coordinator/desired tells of a tick, robot by robot and axis by axis.
-
-    Positions hold the applied input, velocities the desired velocity, accelerations the
-    desired input; effort is 1 for a robot that can't obey.
-    """
-    held = np.repeat(result.held.astype(float), 2)
-    return result.u.ravel(), result.target.ravel(), result.u_desired.ravel(), held
 
 
 def main() -> None:

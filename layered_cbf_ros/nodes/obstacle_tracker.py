@@ -12,7 +12,8 @@ from rclpy.serialization import serialize_message
 
 from layered_cbf_ros.interfaces import Array, Track
 from layered_cbf_ros.messages.cdr import stamp_of
-from layered_cbf_ros.messages.standard import points, points_from, track_odometry
+from layered_cbf_ros.messages.standard import points, track_odometry
+from layered_cbf_ros.messages.tracks import points_from
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.running import run_node

@@ -15,10 +15,8 @@ from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.inputs import Input, plan_input
 from layered_cbf_ros.nodes.running import run_node
-from layered_cbf_ros.plan_following import PlanFollower
-from layered_cbf_ros.robot_model import RobotModel, yaw_of
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
-from layered_cbf_ros.whole_body.whole_body_controller import WholeBodyController
+from layered_cbf_ros.whole_body.torque_layer import TorqueLayer
 
 
 class WholeBodyControllerNode(GraphNode):
@@ -27,9 +25,7 @@ class WholeBodyControllerNode(GraphNode):
     def __init__(self) -> None:
         super().__init__('whole_body_controller')
         robot = self.get_namespace().strip('/')
-        parameters = declare(self, WholeBodyParameters)
-        self._model = RobotModel(parameters.com_height)
-        self._controller = WholeBodyController(parameters, self._model)
+        self._layer = TorqueLayer(declare(self, WholeBodyParameters))
         self._state = StateReader(robot)
         self._plan = plan_input(self, robot)
         self._forces = Input(
@@ -39,7 +35,6 @@ class WholeBodyControllerNode(GraphNode):
             GroundForceReader().read,
             f'/{robot}/ground_force_mpc',
         )
-        self._follower = PlanFollower(parameters.braking)
         self._commands = self.writer(JointState, 'joint_commands')
         self._encoder = JointStateWriter(JOINT_NAMES)
 
@@ -52,17 +47,8 @@ class WholeBodyControllerNode(GraphNode):
             if state is None:
                 continue
             plan, forces = self._plan.at(state.stamp_ns), self._forces.at(state.stamp_ns)
-            memory = memory or self._controller.start(state.stamp_ns)
             begun_ns = time.perf_counter_ns()
-            if forces is None:
-                plan = None  # without its gait a robot can only stand
-            if plan is None:
-                self._model.update_kinematics(state.configuration, state.velocity)
-            motion, _ = self._follower.follow(
-                state.stamp_ns, plan, self._model.com[:2], yaw_of(self._model.rotation)
-            )
-            result = self._controller.step(memory, state, motion, forces)
-            memory = result.state
+            memory, result = self._layer.step(memory, state, plan, forces)
             self._commands.publish(
                 self._encoder.encode(state.stamp_ns, zeros, zeros, result.torques)
             )
