@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from layered_cbf_ros.bags.command_line import EXIT_FOUND
+from layered_cbf_ros.bags.command_line import EXIT_FOUND, OneLineParser
+from layered_cbf_ros.bags.json_output import add_json_option, check_json_file, tell
 from layered_cbf_ros.bags.resolving.output import OutputBag
 from layered_cbf_ros.bags.resolving.overrides import with_changes
 from layered_cbf_ros.bags.resolving.report import text_of
@@ -31,7 +31,6 @@ bodies overlap; 1: outputs differ, or bodies would overlap; 2: the bag or the co
 is bad, or lacks an input."""
 ALL = 'all'
 COORDINATOR = 'coordinator'
-STANDARD_OUTPUT = Path('-')
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -41,21 +40,15 @@ def main(arguments: Sequence[str]) -> int:
         LayeredCbfError: If the bag or the command is bad.
     """
     options = _parser().parse_intermixed_args(arguments)
-    if options.json not in (None, STANDARD_OUTPUT):
-        _check_writable(options.json, options.force)
+    check_json_file(options.json, options.force)
     result = _answer(options)
-    if options.json == STANDARD_OUTPUT:
-        print(json.dumps(result.to_json(), indent=2, allow_nan=False))
-    else:
-        if options.json is not None:
-            _write(options.json, json.dumps(result.to_json(), indent=2, allow_nan=False))
-        print(text_of(result))
+    tell(options.json, result.to_json(), text_of(result))
     found = result.overlaps if result.what_if else not result.is_equal
     return EXIT_FOUND if found else 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='re_solve',
         description=DESCRIPTION,
         epilog=EPILOG,
@@ -78,14 +71,7 @@ def _parser() -> argparse.ArgumentParser:
         help='off: only the coordinator, its desired motion alone',
     )
     add('--output', type=Path, metavar='DIR', help='write what was re-solved there, as a bag')
-    add(
-        '--json',
-        type=Path,
-        nargs='?',
-        const=STANDARD_OUTPUT,
-        metavar='FILE',
-        help='write all figures there as JSON; without FILE print JSON instead of the report',
-    )
+    add_json_option(parser)
     add('--force', action='store_true', help='overwrite what --output and --json name')
     processors = len(os.sched_getaffinity(0))
     add('--jobs', type=int, default=processors, metavar='N', help='processes at most')
@@ -147,22 +133,3 @@ def _written(question: Question, nodes: Sequence[str], path: Path, force: bool) 
         return resolved_nodes(question, nodes, 1, (output,))
     finally:
         output.close()
-
-
-def _check_writable(path: Path, force: bool) -> None:
-    """Refuse a file that can't be written, before the work begins.
-
-    Raises:
-        BagError: If it exists and may not be overwritten, or its folder doesn't.
-    """
-    if path.exists() and not force:
-        raise BagError(f'--json {path} exists already; give another file, or --force')
-    if path.is_dir() or not path.parent.is_dir():
-        raise BagError(f'--json {path} cannot be written; give a file in a folder that exists')
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise BagError(f'--json {path} cannot be written: {error.strerror}') from None
