@@ -180,6 +180,9 @@ class SyntheticRun:
         if t_ns / NS_PER_S >= self.recipe.restart_at:
             failures = 0
         values = {'ticks': 5, 'solver_failures': failures, 'slack_events': 0, 'rejected': 1}
+        if node != '/simulator':
+            values |= {'solve_time_p50_us': 400 + t_ns // 10**7, 'solve_time_p99_us': 900}
+            values['solve_time_max_us'] = 1500
         pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
         status = DiagnosticStatus(name=node, message='running', values=pairs)
         return DiagnosticArray(header=header(t_ns), status=[status])

@@ -189,6 +189,7 @@ def test_the_table_tells_every_reason(judged):
 
 def test_every_figure_is_drawn_and_small(walk, tmp_path):
     names = {'trajectories', 'distances', 'barriers', 'speeds', 'torques', 'intervention'}
+    names.add('solve_times')
     drawn = draw(walk, tmp_path / 'figures')
     assert {path.stem for path in drawn} == names
     for path in drawn:

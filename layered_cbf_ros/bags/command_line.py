@@ -6,15 +6,29 @@ or does not prove what was asked.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from typing import NoReturn
 
-from layered_cbf_ros.errors import LayeredCbfError
+from layered_cbf_ros.errors import BagError, LayeredCbfError
 
 EXIT_FOUND = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Reads a command line; tells in one line what is wrong with it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the command line.
+
+        Raises:
+            BagError: Always.
+        """
+        raise BagError(f'{message}; see {self.prog} --help')
 
 
 def run_verb(verb: Callable[[Sequence[str]], int]) -> None:

@@ -22,7 +22,7 @@ PAIR_COLOURS = (
     '#a05195', '#2f4b7c', '#8c6d46', '#b0a089',
 )  # fmt: skip
 UNSAFE = '#b2182b'
-DPI = 110
+DPI = 130
 MOST_POINTS = 1200
 PALETTE_SIZE = 96
 
@@ -94,7 +94,7 @@ def thin(times: Array, values: Array) -> tuple[Array, Array]:
 def save(figure: Figure, path: Path) -> Path:
     """Write a PNG of few colours, which keeps it small; return its path."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format='png', facecolor='white')
+    figure.savefig(buffer, format='png', facecolor='white', bbox_inches='tight', pad_inches=0.08)
     picture = Image.open(buffer).convert('RGB')
     picture.quantize(PALETTE_SIZE, dither=Image.Dither.NONE).save(path, optimize=True)
     return path

@@ -20,6 +20,7 @@ from layered_cbf_ros.bags.figures.drawing import (
     thin,
 )
 from layered_cbf_ros.bags.figures.plane_figure import draw_trajectories
+from layered_cbf_ros.bags.figures.solve_figure import draw_solve_times
 from layered_cbf_ros.bags.run.distances import pair_distances
 from layered_cbf_ros.bags.run.run_record import RunRecord, load_run
 from layered_cbf_ros.interfaces import Array
@@ -46,21 +47,26 @@ def draw(bag: Path, folder: Path) -> list[Path]:
 
 def draw_record(record: RunRecord, folder: Path) -> list[Path]:
     """Draw all figures of a run that is loaded already."""
-    drawings: dict[str, Callable[[RunRecord], Figure | None]] = {
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, drawing in drawings().items():
+        figure = drawing(record)
+        if figure is not None:
+            written.append(save(figure, folder / f'{name}.png'))
+    return written
+
+
+def drawings() -> dict[str, Callable[[RunRecord], Figure | None]]:
+    """Return what draws each figure, by its name, in the order to look at them."""
+    return {
         'trajectories': draw_trajectories,
         'distances': draw_distances,
         'barriers': draw_barriers,
+        'intervention': draw_intervention,
         'speeds': draw_speeds,
         'torques': draw_torques,
-        'intervention': draw_intervention,
+        'solve_times': draw_solve_times,
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    figures = {name: drawing(record) for name, drawing in drawings.items()}
-    return [
-        save(figure, folder / f'{name}.png')
-        for name, figure in figures.items()
-        if figure is not None
-    ]
 
 
 def draw_distances(record: RunRecord) -> Figure | None:

@@ -6,8 +6,10 @@ import itertools
 
 import numpy as np
 
+from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.run import measures
-from layered_cbf_ros.bags.run.run_record import (
+from layered_cbf_ros.bags.run.run_record import RunRecord
+from layered_cbf_ros.bags.run.topics import (
     CLEARANCE,
     DIAGNOSTICS,
     EFFORT,
@@ -16,8 +18,9 @@ from layered_cbf_ros.bags.run.run_record import (
     POSITION,
     SCENARIO,
     STATE,
-    RunRecord,
 )
+from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
+from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.scenario import Scenario
 
 LONGEST_GAP = 0.1
@@ -38,7 +41,22 @@ def missing_evidence(record: RunRecord) -> list[str]:
     else:
         reasons += _missing_bodies(record, record.scenario)
         reasons += _missing_nodes(record, record.scenario)
-    return reasons + _doubtful_state(record) + _missing_topics(record)
+    return reasons + _told_losses(record) + _doubtful_state(record) + _missing_topics(record)
+
+
+def _told_losses(record: RunRecord) -> list[str]:
+    """Return what the recorder itself says that it lost, or could not record."""
+    try:
+        losses = read_losses(record.notes) or {}
+    except BagError as error:
+        return [str(error)]
+    refused = record.notes.get(REFUSED_NOTE, {})
+    failed = [f'the recorder failed: {why}' for why in record.notes.get(FAILED_NOTE, {}).values()]
+    return failed + [
+        f'the recorder lost {told.lost} messages of {topic}'
+        for topic, told in losses.items()
+        if told.lost
+    ] + [f'{topic} was not recorded: {reason}' for topic, reason in refused.items()]
 
 
 def _missing_topics(record: RunRecord) -> list[str]:

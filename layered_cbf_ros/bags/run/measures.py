@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.run.run_record import POSITION, RobotMotion, RunRecord
+from layered_cbf_ros.bags.run.motions import RobotMotion
+from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.bags.run.series import Series
+from layered_cbf_ros.bags.run.topics import POSITION
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.robot_model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
 from layered_cbf_ros.scenario import Scenario
@@ -119,9 +121,9 @@ def smallest_clearance(record: RunRecord) -> tuple[float, str] | None:
 
 def centres_of_mass(model: RobotModel, motion: RobotMotion, rows: NDArray[np.intp]) -> Array:
     """Return the CoM in the world at some rows of a motion [m], (len(rows), 3)."""
-    positions = np.empty((len(rows), 3))
+    positions, velocities = np.empty((len(rows), 3)), motion.velocities
     for position, row in zip(positions, rows, strict=True):
-        model.update_kinematics(motion.configurations[row], motion.velocities[row])
+        model.update_kinematics(motion.configurations[row], velocities[row])
         position[:] = model.com
     return positions
 

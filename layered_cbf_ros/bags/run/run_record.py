@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.bags.run.motions import ObstacleMotion, RobotMotion, robot_motions
+from layered_cbf_ros.bags.run.node_health import NodeHealth, SolveTimes
 from layered_cbf_ros.bags.run.series import (
     JointStates,
     JointTrajectories,
@@ -18,52 +20,25 @@ from layered_cbf_ros.bags.run.series import (
     Series,
     SeriesBuilder,
 )
+from layered_cbf_ros.bags.run.topics import (
+    BARRIERS,
+    CLEARANCE,
+    DIAGNOSTICS,
+    INTERVENTION,
+    OBSTACLES,
+    PLAN,
+    SCENARIO,
+    STATE,
+)
+from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.opening import open_bag
 from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S, Array
-from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, state_names
+from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import from_json
-
-STATE, PLAN = '/state', '/safe_trajectory'
-CLEARANCE, OBSTACLES = '/simulator/clearance', '/obstacles/truth'
-BARRIERS, INTERVENTION = '/coordinator/barriers', '/coordinator/intervention'
-SCENARIO, DIAGNOSTICS = '/scenario', '/diagnostics'
-COUNTERS = ('solver_failures', 'slack_events', 'deadline_misses', 'rejected')
-POSITION, VELOCITY, EFFORT = range(3)
-
-
-@dataclass(frozen=True, slots=True)
-class RobotMotion:
-    """How one robot moved; every row belongs to one stamp of /state.
-
-    Attributes:
-        stamps_ns: Stamps [ns], (k,).
-        configurations, velocities: As in RobotState, (k, 19) and (k, 18).
-        torques: Joint torques [Nm], (k, 12).
-        foot_forces: Normal force on each foot [N], (k, 4).
-    """
-
-    stamps_ns: NDArray[np.int64]
-    configurations: Array
-    velocities: Array
-    torques: Array
-    foot_forces: Array
-
-
-@dataclass(frozen=True, slots=True)
-class ObstacleMotion:
-    """Where the obstacles truly were, in the scenario's order.
-
-    Attributes:
-        stamps_ns: Stamps [ns], (k,).
-        positions: Centres in the world plane [m], (k, n, 2).
-    """
-
-    stamps_ns: NDArray[np.int64]
-    positions: Array
 
 
 @dataclass(frozen=True)
@@ -84,6 +59,8 @@ class RunRecord:
         counters: Sum of each counter over the life of a node and its restarts,
             by node.
         diagnostics: The last key-values, by node.
+        solve_times: How long each node computed that told it.
+        notes: The recorder's own notes, see Bag.notes.
     """
 
     path: Path
@@ -101,6 +78,8 @@ class RunRecord:
     obstacles: ObstacleMotion | None
     counters: Mapping[str, Mapping[str, int]]
     diagnostics: Mapping[str, Mapping[str, str]]
+    solve_times: Mapping[str, SolveTimes]
+    notes: Mapping[str, Mapping[str, str]]
 
     @property
     def start_ns(self) -> int:
@@ -112,63 +91,71 @@ class RunRecord:
         return (stamps_ns - self.start_ns) / NS_PER_S
 
 
-@dataclass
-class _Diagnostics:
-    """Gathers /diagnostics; a counter that falls back tells of a restart."""
-
-    last: dict[str, dict[str, str]] = field(default_factory=dict)
-    before_restart: dict[str, dict[str, int]] = field(default_factory=dict)
-
-    def add(self, message: Any) -> None:
-        for status in message.status:
-            values = {entry.key: entry.value for entry in status.values}
-            lost = self.before_restart.setdefault(status.name, dict.fromkeys(COUNTERS, 0))
-            previous = self.last.get(status.name, {})
-            for key in COUNTERS:
-                if _count(values, key) < _count(previous, key):
-                    lost[key] += _count(previous, key)
-            self.last[status.name] = values
-
-    def totals(self) -> dict[str, dict[str, int]]:
-        return {
-            node: {key: lost[key] + _count(self.last[node], key) for key in COUNTERS}
-            for node, lost in self.before_restart.items()
-        }
-
-
-class _Loader:
-    """Takes the messages of one bag, topic by topic."""
+class RunGatherer:
+    """Takes the messages of one bag that tell of the run; all others it doesn't need."""
 
     def __init__(self) -> None:
-        self.series: dict[str, SeriesBuilder] = {
+        self._series: dict[str, SeriesBuilder] = {
             STATE: JointStates(),
             CLEARANCE: JointStates(),
             PLAN: PlannedMotions(),
             BARRIERS: JointTrajectories(),
             INTERVENTION: JointTrajectories(),
         }
-        self.diagnostics = _Diagnostics()
-        self.scenario: Scenario | None = None
-        self.unreadable: dict[str, int] = {}
-        self.wall_span_ns = (0, 0)
+        self.topics = frozenset((*self._series, OBSTACLES, SCENARIO, DIAGNOSTICS))
+        self._health = NodeHealth()
+        self._scenario: Scenario | None = None
+        self._unreadable: dict[str, int] = {}
+        self._wall_span_ns = (0, 0)
+        self._state_ns: int | None = None
         self._decoder = MessageDecoder()
         self._obstacles: dict[int, Array] = {}
 
     def take(self, record: Record) -> None:
-        """Take one message; count it if it can't be decoded."""
+        """Take one message of `topics`; count it if it can't be decoded."""
         topic = record.topic.name
         if topic == STATE:
-            first_ns, _ = self.wall_span_ns
-            self.wall_span_ns = (first_ns or record.log_time_ns, record.log_time_ns)
+            first_ns, _ = self._wall_span_ns
+            self._wall_span_ns = (first_ns or record.log_time_ns, record.log_time_ns)
         try:
-            if topic in self.series:
-                self.series[topic].add(record.data)
+            if topic in self._series:
+                self._series[topic].add(record.data)
+                if topic == STATE:
+                    self._state_ns = stamp_of(record.data)
             else:
                 self._take_other(topic, self._decoder.decode(record))
         except (LayeredCbfError, json.JSONDecodeError):
-            self.unreadable[topic] = self.unreadable.get(topic, 0) + 1
+            self._unreadable[topic] = self._unreadable.get(topic, 0) + 1
 
-    def obstacles(self) -> ObstacleMotion | None:
+    def finish(self, path: Path, bag: Bag) -> RunRecord:
+        """Return all that was gathered in a pass through a bag.
+
+        Args:
+            path: What was asked for.
+            bag: The bag, after the pass.
+        """
+        built = {topic: builder.build() for topic, builder in self._series.items()}
+        return RunRecord(
+            path=path,
+            counts=bag.counts,
+            truncated=bag.truncated,
+            wall_span_ns=self._wall_span_ns,
+            unreadable=self._unreadable,
+            scenario=self._scenario,
+            state=built[STATE],
+            motions=robot_motions(built[STATE]),
+            plan=built[PLAN],
+            clearance=built[CLEARANCE],
+            barriers=built[BARRIERS],
+            intervention=built[INTERVENTION],
+            obstacles=self._obstacle_motion(),
+            counters=self._health.totals(),
+            diagnostics=self._health.last,
+            solve_times=self._health.solve_times(),
+            notes=dict(bag.notes),
+        )
+
+    def _obstacle_motion(self) -> ObstacleMotion | None:
         """Return the true motion of the obstacles, if there are any."""
         most = max((len(row) for row in self._obstacles.values()), default=0)
         stamps = sorted(stamp for stamp, row in self._obstacles.items() if len(row) == most)
@@ -179,9 +166,9 @@ class _Loader:
 
     def _take_other(self, topic: str, message: Any) -> None:
         if topic == SCENARIO:
-            self.scenario = from_json(message.data)
+            self._scenario = from_json(message.data)
         elif topic == DIAGNOSTICS:
-            self.diagnostics.add(message)
+            self._health.add(message, self._state_ns)
         elif topic == OBSTACLES:
             stamp = message.header.stamp
             row = [(pose.position.x, pose.position.y) for pose in message.poses]
@@ -197,48 +184,7 @@ def load_run(path: Path) -> RunRecord:
     Raises:
         BagError: If there is no bag.
     """
-    reader, loader = open_bag(path), _Loader()
-    for record in reader.records({*loader.series, OBSTACLES, SCENARIO, DIAGNOSTICS}):
-        loader.take(record)
-    built = {topic: builder.build() for topic, builder in loader.series.items()}
-    return RunRecord(
-        path=path,
-        counts=reader.counts,
-        truncated=reader.truncated,
-        wall_span_ns=loader.wall_span_ns,
-        unreadable=loader.unreadable,
-        scenario=loader.scenario,
-        state=built[STATE],
-        motions=_motions(built[STATE]),
-        plan=built[PLAN],
-        clearance=built[CLEARANCE],
-        barriers=built[BARRIERS],
-        intervention=built[INTERVENTION],
-        obstacles=loader.obstacles(),
-        counters=loader.diagnostics.totals(),
-        diagnostics=loader.diagnostics.last,
-    )
-
-
-def _motions(state: Series | None) -> dict[str, RobotMotion]:
-    """Return the motion of each robot that has a base in /state."""
-    if state is None:
-        return {}
-    names = [name.split('/')[0] for name in state.names if name.endswith('/base_x')]
-    motions = {}
-    for name in names:
-        values = state.values[:, :, state.columns(state_names(name))]
-        motions[name] = RobotMotion(
-            state.stamps_ns,
-            values[:, POSITION, : JOINTS.stop],
-            values[:, VELOCITY][:, VELOCITIES],
-            values[:, EFFORT, JOINTS],
-            values[:, EFFORT, FEET],
-        )
-    return motions
-
-
-def _count(values: Mapping[str, str], key: str) -> int:
-    """Return a counter of a diagnostic status; 0 where it is absent or no number."""
-    text = values.get(key, '0')
-    return int(text) if text.isdigit() else 0
+    bag, gatherer = open_bag(path), RunGatherer()
+    for record in bag.records(gatherer.topics):
+        gatherer.take(record)
+    return gatherer.finish(path, bag)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.bags.run.message_form import MessageForm, form_of
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S, Array
-from layered_cbf_ros.messages.cdr import CdrReader, FixedLayout, stamp_of
+from layered_cbf_ros.messages.cdr import CdrReader
 
 TRANSFORM, TWIST = 7, 6  # doubles in a geometry_msgs/Transform and /Twist
+TOGETHER = 1 << 20
+"""Messages of one form are read together once they have so many bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,34 +52,46 @@ class Series:
         return np.array([place[name] for name in names], dtype=np.intp)
 
 
-@dataclass(frozen=True, slots=True)
-class _Form:
-    """How messages that differ only in stamp and doubles are to be read.
+class _Segment:
+    """Rows of the same names; they grow in place, so that none is ever held twice for long."""
 
-    Attributes:
-        names: Names in the message.
-        offsets_ns: Time of each of its points after the header's stamp [ns].
-        places: Point, first field and doubles a name, of each block of doubles.
-        layout: Where the blocks are.
-    """
+    def __init__(self, names: tuple[str, ...], fields: int) -> None:
+        self.names = names
+        self.count = 0
+        self._stamps = np.empty(0, dtype=np.int64)
+        self._values = np.empty((0, fields, len(names)))
 
-    names: tuple[str, ...]
-    offsets_ns: tuple[int, ...]
-    places: tuple[tuple[int, int, int], ...]
-    layout: FixedLayout
+    @property
+    def stamps(self) -> NDArray[np.int64]:
+        return self._stamps[: self.count]
+
+    @property
+    def values(self) -> Array:
+        return self._values[: self.count]
+
+    def append(self, stamps: NDArray[np.int64]) -> Array:
+        """Append rows with these stamps; return their values, to be filled in."""
+        before, self.count = self.count, self.count + len(stamps)
+        if self.count > len(self._stamps):
+            self._stamps = _longer(self._stamps, before, self.count)
+            self._values = _longer(self._values, before, self.count)
+        self._stamps[before : self.count] = stamps
+        return self._values[before : self.count]
 
 
 class SeriesBuilder:
     """Gathers the messages of one topic into a Series; subclasses know one type.
 
-    A message laid out like the one before it costs only a comparison and a copy.
+    A message in the form of the one before it costs only a comparison; a megabyte of
+    them is then read together.
     """
 
     fields: int
 
     def __init__(self) -> None:
-        self._form: _Form | None = None
-        self._segments: list[tuple[tuple[str, ...], list[int], list[Array]]] = []
+        self._form: MessageForm | None = None
+        self._waiting: list[bytes] = []
+        self._segments: list[_Segment] = []
 
     def add(self, data: bytes) -> None:
         """Take one message, CDR bytes.
@@ -83,19 +99,24 @@ class SeriesBuilder:
         Raises:
             BagError, MessageError: If it is malformed.
         """
-        form = self._form
-        if form is None or not form.layout.fits(data):
-            form = self._form = self._learn(data)
-        values = np.full((len(form.offsets_ns), self.fields, len(form.names)), np.nan)
-        arrays = form.layout.arrays(data)
-        for (point, field, each), array in zip(form.places, arrays, strict=True):
-            values[point, field : field + each] = array.reshape(-1, each).T
-        if not self._segments or self._segments[-1][0] != form.names:
-            self._segments.append((form.names, [], []))
-        _, stamps, parts = self._segments[-1]
-        start_ns = stamp_of(data)
-        stamps.extend(start_ns + offset for offset in form.offsets_ns)
-        parts.append(values)
+        self._form_of(data)
+        self._waiting.append(data)
+        if len(self._waiting) * len(data) > TOGETHER:
+            self._take_waiting()
+
+    def read(self, data: bytes) -> tuple[tuple[str, ...], list[int], Array]:
+        """Return what one message holds, without keeping it.
+
+        Returns:
+            Names (n,), stamps (k,) [ns] and values (k, f, n), as in Series.
+
+        Raises:
+            BagError, MessageError: If it is malformed.
+        """
+        form, raw = self._form_of(data), np.frombuffer(data, np.uint8)[None]
+        values = np.empty((1, len(form.offsets_ns), self.fields, len(form.names)))
+        form.read(raw, values)
+        return form.names, form.stamps(raw)[0].tolist(), values[0]
 
     def build(self) -> Series | None:
         """Return all that was taken, in stamp order; None if it was nothing.
@@ -103,19 +124,45 @@ class SeriesBuilder:
         Of several messages with one stamp the first counts: senders repeat a
         message that they believe lost.
         """
-        stamps = np.array([s for _, part, _ in self._segments for s in part], dtype=np.int64)
-        if not len(stamps):
+        self._take_waiting()
+        segments = [segment for segment in self._segments if segment.count]
+        if not segments:
             return None
-        names = tuple(dict.fromkeys(name for names, _, _ in self._segments for name in names))
+        if len(segments) == 1:
+            return _ordered(segments[0].names, segments[0].stamps, segments[0].values)
+        names = tuple(dict.fromkeys(name for segment in segments for name in segment.names))
+        stamps = np.concatenate([segment.stamps for segment in segments])
         values = np.full((len(stamps), self.fields, len(names)), np.nan)
         row = 0
-        for part_names, part, arrays in self._segments:
-            columns = [names.index(name) for name in part_names]
-            values[row : row + len(part), :, columns] = np.concatenate(arrays)
-            row += len(part)
+        for segment in segments:
+            columns = [names.index(name) for name in segment.names]
+            values[row : row + segment.count][:, :, columns] = segment.values
+            row += segment.count
         return _ordered(names, stamps, values)
 
-    def _learn(self, data: bytes) -> _Form:
+    def _form_of(self, data: bytes) -> MessageForm:
+        """Return the form of a message, which the next one probably has too."""
+        form = self._form
+        if form is None or not form.fits(data):
+            learned = self._learn(data)
+            self._take_waiting()
+            form = self._form = learned
+        return form
+
+    def _take_waiting(self) -> None:
+        """Read the messages that wait; all have the present form."""
+        form, waiting = self._form, self._waiting
+        if form is None or not waiting:
+            return
+        raw = np.frombuffer(b''.join(waiting), np.uint8).reshape(len(waiting), -1)
+        if not self._segments or self._segments[-1].names != form.names:
+            self._segments.append(_Segment(form.names, self.fields))
+        values = self._segments[-1].append(form.stamps(raw).ravel())
+        shape = len(waiting), len(form.offsets_ns), self.fields, len(form.names)
+        form.read(raw, values.reshape(shape))
+        waiting.clear()
+
+    def _learn(self, data: bytes) -> MessageForm:
         """Read a message field by field."""
         raise NotImplementedError
 
@@ -125,12 +172,12 @@ class JointStates(SeriesBuilder):
 
     fields = 3
 
-    def _learn(self, data: bytes) -> _Form:
+    def _learn(self, data: bytes) -> MessageForm:
         reader = CdrReader(data)
         reader.header()
         names = tuple(reader.texts())
         places = [(0, f, 1) for f in range(self.fields) if _read_block(reader, names)]
-        return _Form(names, (0,), tuple(places), FixedLayout(data, reader.blocks))
+        return form_of(data, reader, names, [0], places)
 
 
 class JointTrajectories(SeriesBuilder):
@@ -142,7 +189,7 @@ class JointTrajectories(SeriesBuilder):
 
     fields = 4
 
-    def _learn(self, data: bytes) -> _Form:
+    def _learn(self, data: bytes) -> MessageForm:
         reader = CdrReader(data)
         reader.header()
         names = tuple(reader.texts())
@@ -150,7 +197,7 @@ class JointTrajectories(SeriesBuilder):
         for point in range(reader.word()):
             places += [(point, f, 1) for f in range(self.fields) if _read_block(reader, names)]
             offsets.append(reader.word() * NS_PER_S + reader.word())
-        return _Form(names, tuple(offsets), tuple(places), FixedLayout(data, reader.blocks))
+        return form_of(data, reader, names, offsets, places)
 
 
 class PlannedMotions(SeriesBuilder):
@@ -162,7 +209,7 @@ class PlannedMotions(SeriesBuilder):
 
     fields = TRANSFORM + 2 * TWIST
 
-    def _learn(self, data: bytes) -> _Form:
+    def _learn(self, data: bytes) -> MessageForm:
         reader = CdrReader(data)
         reader.header()
         names = tuple(reader.texts())
@@ -173,7 +220,14 @@ class PlannedMotions(SeriesBuilder):
             if _read_block(reader, names, each):
                 places.append((0, field, each))
             field += each
-        return _Form(names, (0,), tuple(places), FixedLayout(data, reader.blocks))
+        return form_of(data, reader, names, [0], places)
+
+
+def _longer(rows: NDArray[Any], count: int, needed: int) -> NDArray[Any]:
+    """Return an array with the first `count` rows, and room that costs nothing while unused."""
+    longer = np.empty((max(needed, 2 * len(rows)), *rows.shape[1:]), rows.dtype)
+    longer[:count] = rows[:count]
+    return longer
 
 
 def _read_block(reader: CdrReader, names: tuple[str, ...], each: int = 1) -> bool:

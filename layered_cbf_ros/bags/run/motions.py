@@ -1,0 +1,79 @@
+"""How the bodies of a run moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layered_cbf_ros.bags.run.series import Series
+from layered_cbf_ros.bags.run.topics import EFFORT, POSITION, VELOCITY
+from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, state_names
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMotion:
+    """How one robot moved; every row belongs to one stamp of /state.
+
+    Arrays are views of /state where its order allows it: a minute of four robots is large.
+
+    Attributes:
+        stamps_ns: Stamps [ns], (k,).
+        configurations: As in RobotState, (k, 19).
+        rates: Of each entry of a configuration; of the quaternion, three entries hold
+            the angular velocity, the fourth is unused, (k, 19).
+        torques: Joint torques [Nm], (k, 12).
+        foot_forces: Normal force on each foot [N], (k, 4).
+    """
+
+    stamps_ns: NDArray[np.int64]
+    configurations: Array
+    rates: Array
+    torques: Array
+    foot_forces: Array
+
+    @property
+    def velocities(self) -> Array:
+        """Velocities as in RobotState, (k, 18); a copy."""
+        return self.rates[:, VELOCITIES]
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleMotion:
+    """Where the obstacles truly were, in the scenario's order.
+
+    Attributes:
+        stamps_ns: Stamps [ns], (k,).
+        positions: Centres in the world plane [m], (k, n, 2).
+    """
+
+    stamps_ns: NDArray[np.int64]
+    positions: Array
+
+
+def robot_motions(state: Series | None) -> dict[str, RobotMotion]:
+    """Return the motion of each robot that has a base in /state."""
+    if state is None:
+        return {}
+    names = [name.split('/')[0] for name in state.names if name.endswith('/base_x')]
+    motions = {}
+    for name in names:
+        values = _picked(state.values, state.columns(state_names(name)))
+        motions[name] = RobotMotion(
+            state.stamps_ns,
+            values[:, POSITION, : JOINTS.stop],
+            values[:, VELOCITY, : JOINTS.stop],
+            values[:, EFFORT, JOINTS],
+            values[:, EFFORT, FEET],
+        )
+    return motions
+
+
+def _picked(values: Array, columns: NDArray[np.intp]) -> Array:
+    """Return some columns, as a view if they stand side by side."""
+    first = int(columns[0])
+    if np.array_equal(columns, first + np.arange(len(columns))):
+        return values[:, :, first : first + len(columns)]
+    return values[:, :, columns]
