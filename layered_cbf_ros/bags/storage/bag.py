@@ -40,6 +40,23 @@ class Bag:
         """
         raise NotImplementedError
 
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Return first and last log time [ns], zeros without a message; known before any pass.
+
+        Raises:
+            BagError: If the bag can't be read.
+        """
+        raise NotImplementedError
+
+    @property
+    def went_back_ns(self) -> dict[str, int]:
+        """Return by how much the log time of a topic goes back in the order of the files [ns].
+
+        Only of topics where it does, and of bags whose files tell; known before any pass.
+        """
+        return {}
+
     def records(self, topics: Collection[str] | None = None) -> Iterator[Record]:
         """Yield messages in the order of the files: the fastest way through.
 

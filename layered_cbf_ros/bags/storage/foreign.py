@@ -37,11 +37,18 @@ class ForeignBag(Bag):
         super().__init__(path, tuple(files))
         with self._opened() as reader:
             self._topics = {c.topic: _topic(c) for c in reader.connections}
+            first_ns, end_ns = reader.start_time, reader.end_time
+            self._span_ns = (first_ns, end_ns - 1) if reader.message_count else (0, 0)
 
     @property
     def topics(self) -> dict[str, Topic]:
         """Return the topics by name."""
         return self._topics
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Return first and last log time [ns], see Bag."""
+        return self._span_ns
 
     def records(self, topics: Collection[str] | None = None) -> Iterator[Record]:
         """Yield messages in the order of the files, see Bag."""

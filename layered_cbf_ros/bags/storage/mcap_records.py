@@ -128,9 +128,15 @@ def note_of(body: memoryview) -> tuple[str, dict[str, str]]:
 
 
 def text_at(body: memoryview, at: int) -> tuple[str, int]:
-    """Return the length-prefixed string at an offset, and the offset behind it."""
+    """Return the length-prefixed string at an offset, and the offset behind it.
+
+    Raises:
+        BagError: If it is longer than the record.
+    """
     start = at + 4
     end = start + int.from_bytes(body[at:start], 'little')
+    if end > len(body):
+        raise BagError('a text is longer than its record')
     return str(body[start:end], 'utf-8'), end
 
 

@@ -51,13 +51,14 @@ class _Scan:
     Attributes:
         stretches: Those that can be read, by time.
         channels: The topics of each file.
-        truncated, notes: As in Bag.
+        truncated, notes, went_back_ns: As in Bag.
     """
 
     stretches: list[_Stretch] = field(default_factory=list)
     channels: list[Channels] = field(default_factory=list)
     truncated: bool = False
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
+    went_back_ns: dict[str, int] = field(default_factory=dict)
 
 
 class BagReader(Bag):
@@ -77,21 +78,39 @@ class BagReader(Bag):
         """
         super().__init__(path, find_mcap_files(path))
         self._scan: _Scan | None = None
+        self._passed: list[Channels] = []
 
     @property
     def topics(self) -> dict[str, Topic]:
-        """Return the topics by name; the first call looks through the bag."""
-        channels = self._scanned().channels
+        """Return the topics by name; unless a pass was made, this looks through the bag."""
+        channels = self._passed or self._scanned().channels
         return {topic.name: topic for part in channels for topic in part.topics.values()}
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Return first and last log time [ns], see Bag."""
+        stretches = self._scanned().stretches
+        return (
+            min((stretch.first_ns for stretch in stretches), default=0),
+            max((stretch.last_ns for stretch in stretches), default=0),
+        )
+
+    @property
+    def went_back_ns(self) -> dict[str, int]:
+        """Return by how much log times go back, see Bag."""
+        return self._scanned().went_back_ns
 
     def records(self, topics: Collection[str] | None = None) -> Iterator[Record]:
         """Yield messages in the order of the files, see Bag."""
         self._begin_pass()
+        passed = []
         for path in self.files:
             channels = Channels()
             for opcode, _, body in self._whole_records(path):
                 for topic, message in self._messages(opcode, body, channels):
                     yield from self._wanted(topic, message, topics)
+            passed.append(channels)
+        self._passed = passed
 
     def in_time_order(
         self, topics: Collection[str] | None = None, start_ns: int | None = None
@@ -153,13 +172,18 @@ class BagReader(Bag):
         """Look through the files once: which topics there are, and what stands where."""
         if self._scan is None:
             scan, self.truncated = _Scan(), False
+            newest_ns: dict[str, int] = {}
             for number, path in enumerate(self.files):
                 channels = Channels()
                 for opcode, offset, body in self._whole_records(path):
-                    times = [
-                        MESSAGE_HEAD.unpack_from(message)[2]
-                        for _, message in self._messages(opcode, body, channels)
-                    ]
+                    times = []
+                    for topic, message in self._messages(opcode, body, channels):
+                        times.append(log_ns := MESSAGE_HEAD.unpack_from(message)[2])
+                        back_ns = newest_ns.get(topic.name, log_ns) - log_ns
+                        if back_ns > 0:
+                            before_ns = scan.went_back_ns.get(topic.name, 0)
+                            scan.went_back_ns[topic.name] = max(back_ns, before_ns)
+                        newest_ns[topic.name] = max(newest_ns.get(topic.name, log_ns), log_ns)
                     if times:
                         scan.stretches.append(_Stretch(min(times), max(times), number, offset))
                 scan.channels.append(channels)
@@ -174,10 +198,16 @@ class BagReader(Bag):
         with path.open('rb') as stream:
             for opcode, offset, body in file_records(stream, end):
                 if opcode == METADATA:
-                    name, entries = note_of(body)
-                    self.notes[name] = entries
+                    self._take_note(body)
                 yield opcode, offset, body
         self.truncated |= not end.whole
+
+    def _take_note(self, body: memoryview) -> None:
+        """Keep what a Metadata record says, if it isn't spoilt."""
+        try:
+            name, self.notes[name] = note_of(body)
+        except UNPACKING_ERRORS:
+            self.truncated = True
 
     def _messages(
         self, opcode: int, body: memoryview, channels: Channels
