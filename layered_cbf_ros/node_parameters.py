@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from layered_cbf_ros.bags.recording.parameters import RecorderParameters
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
@@ -20,6 +21,7 @@ NODE_PARAMETERS: dict[str, tuple[type, ...]] = {
     'ground_force_mpc': (GroundForceParameters, TimingParameters),
     'whole_body_controller': (WholeBodyParameters, TimingParameters),
     'simulator': (SimulatorParameters, TimingParameters),
+    'recorder': (RecorderParameters, TimingParameters),
     'obstacle_tracker': (ObstacleTrackerParameters, TimingParameters),
 }
 

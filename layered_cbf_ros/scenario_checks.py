@@ -22,6 +22,10 @@ SETTLED = {
     'detection_rate': RATES,
     'detection_delay': 'give the delay of world: detections: instead',
     'gait': "give the robot's gait instead",
+    **dict.fromkeys(
+        ('output', 'topics', 'regex', 'exclude_topics', 'exclude_regex', 'force'),
+        'leave it out: a run records all topics into its own folder',
+    ),
 }
 """Node parameters that follow from the rest of a scenario, and what to give instead."""
 SHARED = ('com_height', 'braking')

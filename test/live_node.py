@@ -27,9 +27,9 @@ LIMIT_S = 30.0
 class LiveNode:
     """Starts an executable as a process; its diagnostics are kept, newest first to ask."""
 
-    def __init__(self, executable: str, *ros_arguments: str) -> None:
+    def __init__(self, executable: str, *ros_arguments: str, before: str = '') -> None:
         os.environ.update(ENVIRONMENT)
-        code = f'from layered_cbf_ros.nodes.{executable} import main; main()'
+        code = f'{before}\nfrom layered_cbf_ros.nodes.{executable} import main; main()'
         self.process = subprocess.Popen(
             [sys.executable, '-c', code, '--ros-args', *ros_arguments],
             env=ENVIRONMENT,

@@ -43,6 +43,19 @@ def test_type_hash_follows_from_the_definition(type_name):
     assert typestore.hash_rihs01(type_name) == schema.type_hash
 
 
-def test_unknown_type_is_refused_with_a_remedy():
-    with pytest.raises(BagError, match='generate_msg_schemas'):
-        load_schema('sensor_msgs/msg/PointCloud2')
+@pytest.mark.skipif(not interfaces_installed(), reason='no ROS interface packages are installed')
+@pytest.mark.parametrize(
+    'type_name',
+    ['sensor_msgs/msg/PointCloud2', 'visualization_msgs/msg/MarkerArray', 'nav_msgs/msg/Path'],
+)
+def test_other_types_are_defined_by_their_installed_package(type_name):
+    """rosbags, parsing the text alone, arrives at the hash that ROS generated."""
+    schema = load_schema(type_name)
+    typestore = get_typestore(Stores.EMPTY)
+    typestore.register(get_types_from_msg(schema.definition, type_name))
+    assert typestore.hash_rihs01(type_name) == schema.type_hash
+
+
+def test_a_type_that_is_not_installed_is_refused_with_a_remedy():
+    with pytest.raises(BagError, match=r"'no_such_msgs/msg/Thing'.*install package no_such_msgs"):
+        load_schema('no_such_msgs/msg/Thing')

@@ -223,7 +223,7 @@ def test_tracker_refuses_detections_that_are_not_numbers():
         ('coordinator', ['-p', 'scenario:=no_such_world'], 'no_such_world'),
         ('coordinator', ['-p', 'scenario:=stand', '-p', 'alpha1:=-1.0'], 'alpha1'),
         ('simulator', ['-p', 'scenario:=stand', '-p', 'time:=warp'], 'time'),
-        ('recorder', [], 'output'),
+        ('recorder', ['-p', 'storage_preset:=best'], 'storage_preset'),
         ('whole_body_controller', ['-p', 'frictoin:=0.5'], 'frictoin'),
     ],
 )

@@ -50,6 +50,8 @@ DELIVERY_S = 0.5
 class GraphNode(Node):
     """Base of the nodes that tick on states."""
 
+    exit_code = 0  # of a node that was asked to end
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.timing = declare(self, TimingParameters)
@@ -224,9 +226,8 @@ class GraphNode(Node):
     def publish_diagnostics(self, state: str) -> None:
         """Tell what the node counted."""
         figures = self.statistics.report(time.monotonic_ns())
-        bad = self.statistics.rejected or self.statistics.solver_failures
         status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if bad else DiagnosticStatus.OK,
+            level=DiagnosticStatus.OK if self.is_well else DiagnosticStatus.WARN,
             name=self.get_fully_qualified_name(),
             message=figures['last_rejected'] or state,
             values=[KeyValue(key='state', value=state)]
@@ -235,6 +236,11 @@ class GraphNode(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+    @property
+    def is_well(self) -> bool:
+        """Return whether nothing happened that a person should know of."""
+        return not (self.statistics.rejected or self.statistics.solver_failures)
 
     def close(self) -> None:
         """Tell the last figures, and see them delivered."""

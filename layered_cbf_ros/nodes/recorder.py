@@ -1,36 +1,39 @@
-"""recorder: writes every topic of the run, byte for byte, into a bag."""
+"""recorder: writes topics, byte for byte, into a bag, and counts what is lost on the way."""
 
 from __future__ import annotations
 
-import importlib
+import itertools
+import sys
 import time
 from pathlib import Path
 
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from std_msgs.msg import Header
 
-from layered_cbf_ros.bags.recording.topic_counter import counter_for
-from layered_cbf_ros.bags.storage.metadata import qos_yaml
+from layered_cbf_ros.bags.recording.command_line import ros_arguments
+from layered_cbf_ros.bags.recording.losses import (
+    NOTE,
+    REFUSED_NOTE,
+    TopicLosses,
+    note_of,
+    summary,
+    table,
+)
+from layered_cbf_ros.bags.recording.parameters import RecorderParameters
+from layered_cbf_ros.bags.recording.progress import recorded_up_to
 from layered_cbf_ros.bags.storage.writer import BagWriter
-from layered_cbf_ros.errors import BagError, ParameterError, StopRequestedError
+from layered_cbf_ros.errors import BagError, StopRequestedError
 from layered_cbf_ros.messages.standard import header
+from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.recorded_topic import RecordedTopic
 from layered_cbf_ros.nodes.running import run_node
-from layered_cbf_ros.nodes.transport import Reader
 
-DEPTH = 2000  # beyond the window in which the simulator waits for the recorder
+PROGRESS = '/recorder/progress'
 PAUSE_S = 0.005
 DISCOVERY_NS = 50_000_000
 FLUSH_NS = 1_000_000_000
-
-
-class Recording:
-    """One topic being recorded."""
-
-    def __init__(self, reader: Reader, topic_id: int, type_name: str) -> None:
-        self.reader = reader
-        self.topic_id = topic_id
-        self.counter = counter_for(type_name)
+LAST_TURNS = 100  # some who publish never stop
+EXIT_LOST = 1
 
 
 class RecorderNode(GraphNode):
@@ -38,15 +41,22 @@ class RecorderNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__('recorder')
-        output = str(self.declare_parameter('output', '').value)
-        if not output:
-            raise ParameterError("recorder.output is ''; give the folder of the bag to write")
-        self._bag = BagWriter(Path(output), compression='lz4')
-        self._recordings: dict[str, Recording] = {}
-        self._refused: set[str] = set()
-        self._progress = self.create_publisher(Header, '/recorder/progress', 10)
+        parameters = declare(self, RecorderParameters)
+        self.refuse_unknown_parameters()  # before there is a folder
+        name = parameters.output or time.strftime('rosbag2_%Y_%m_%d-%H_%M_%S')
+        self._selection = parameters.selection
+        self._bag = BagWriter(Path(name).absolute(), storage=parameters.storage)
+        self._topics: dict[str, RecordedTopic] = {}
+        self._refused: dict[str, str] = {}
+        self._progress = self.create_publisher(Header, PROGRESS, 10)
         self._told_ns = -1
         self._next_discovery_ns = self._next_flush_ns = 0
+        self._say(f'recording into {self._bag.path}; Ctrl-C ends it')
+
+    @property
+    def is_well(self) -> bool:
+        """Return whether all that was sent is in the bag."""
+        return super().is_well and not self._refused and not self._lost
 
     def run(self) -> None:
         """Record until asked to end, then drain what has arrived and close the bag."""
@@ -60,86 +70,101 @@ class RecorderNode(GraphNode):
                     self._discover()
                 if now_ns >= self._next_flush_ns:
                     self._next_flush_ns = now_ns + FLUSH_NS
-                    self._bag.flush()
-                    lost = sum(r.counter.lost for r in self._recordings.values())
-                    self.statistics.details['lost'] = str(lost)
+                    self._keep_up()
                 self._drain()
                 time.sleep(PAUSE_S)
         except StopRequestedError:
-            self._drain()
+            turns = itertools.count()
+            while self._drain() and next(turns) < LAST_TURNS:
+                pass
+            self._conclude()
             raise
         finally:
             self._bag.close()
 
     def _discover(self) -> None:
-        """Subscribe to every topic that has appeared."""
+        """Subscribe to every topic that has appeared and is wanted."""
         for topic, types in self.get_topic_names_and_types():
-            if topic in self._recordings or topic in self._refused:
+            if topic in self._topics or topic in self._refused or not self._wants(topic):
                 continue
-            offers = self.get_publishers_info_by_topic(topic)
-            if not offers or topic == '/recorder/progress':
+            if not self.count_publishers(topic):
                 continue
-            profile = _matching([offer.qos_profile for offer in offers])
             try:
-                message_type = _message_type(types[0])
-                topic_id = self._bag.add_topic(topic, types[0], _as_yaml(profile))
+                recorded = RecordedTopic(self, topic, types[0], self._bag)
             except BagError as error:
-                self._refused.add(topic)
-                self.statistics.reject(str(error))
+                self._refuse(topic, str(error))
                 continue
-            reader = Reader(self, message_type, topic, profile)
-            self._recordings[topic] = Recording(reader, topic_id, types[0])
+            self._topics[topic] = recorded
+            self._say(f'+ {recorded.described()}')
+            if len(types) > 1:
+                self._refuse(topic, f'only {types[0]} is recorded, not {", ".join(types[1:])}')
 
-    def _drain(self) -> None:
-        """Write all that has arrived, and tell the simulator how far that is."""
-        for recording in self._recordings.values():
-            while (taken := recording.reader.take_with_times()) is not None:
-                data, sent_ns, received_ns = taken
-                self._bag.write(recording.topic_id, data, received_ns, sent_ns)
-                recording.counter.receive(data)
-                self.statistics.ticks += 1
-        state = self._recordings.get(self.state_topic)
-        stamp_ns = None if state is None else state.counter.last_ns
-        if stamp_ns is not None and stamp_ns > self._told_ns:
-            self._told_ns = stamp_ns
-            self._progress.publish(header(stamp_ns))
+    def _wants(self, topic: str) -> bool:
+        return topic != PROGRESS and self._selection.wants(topic)
 
+    def _refuse(self, topic: str, reason: str) -> None:
+        """Tell once that something is not recorded."""
+        self._refused[topic] = reason
+        self.statistics.reject(f'{topic}: {reason}')
+        print(f'NOT RECORDED {topic}: {reason}', file=sys.stderr, flush=True)
 
-def _message_type(name: str) -> type:
-    """Return the class of `package/msg/Type`.
+    def _keep_up(self) -> None:
+        """Do once a second what needn't be done for each message."""
+        for topic in self._topics.values():
+            self._say(topic.follow())
+            topic.progress.refresh()
+        self._note()
+        self._bag.flush()
+        put_back = self._bag.keep()
+        if put_back:
+            print(f'WARNING {put_back}', file=sys.stderr, flush=True)
+        details = self.statistics.details
+        details['received'] = str(sum(each.received for each in self._losses().values()))
+        details['lost'] = str(self._lost)
+        details['dropped_topics'] = ' '.join(sorted(self._refused))
 
-    Raises:
-        BagError: If its package isn't installed.
-    """
-    package, _, kind = name.split('/')
-    try:
-        found: type = getattr(importlib.import_module(f'{package}.msg'), kind)
-    except (ImportError, AttributeError):
-        raise BagError(f'{name} is not installed; its topic is not recorded') from None
-    return found
+    def _drain(self) -> int:
+        """Write what has arrived, tell the simulator how far that is, and return how many."""
+        count = sum(topic.drain() for topic in self._topics.values())
+        self.statistics.ticks += count
+        state = self._topics.get(self.state_topic)
+        if state is not None and state.stamps.last_ns is not None:
+            followed = (topic.progress for topic in self._topics.values())
+            stamp_ns = recorded_up_to(state.stamps.last_ns, followed)
+            if stamp_ns > self._told_ns:
+                self._told_ns = stamp_ns
+                self._progress.publish(header(stamp_ns))
+        return count
 
+    def _conclude(self) -> None:
+        """Close the bag, and say what became of every topic."""
+        losses = self._losses()
+        self._note()
+        where = self._bag.path
+        self._bag.close({NOTE: summary(losses, list(self._refused))})
+        if not self.recorded:
+            print('\n'.join(table(losses)))
+        print(f'{summary(losses, list(self._refused))}: {where}', flush=True)
+        self.exit_code = 0 if self.is_well else EXIT_LOST
 
-def _matching(offered: list[QoSProfile]) -> QoSProfile:
-    """Return a profile that gets everything from every publisher of a topic."""
-    reliable = all(o.reliability == QoSReliabilityPolicy.RELIABLE for o in offered)
-    latched = all(o.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for o in offered)
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT,
-        durability=(
-            QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
-        ),
-    )
+    def _note(self) -> None:
+        self._bag.note(NOTE, note_of(self._losses()))
+        self._bag.note(REFUSED_NOTE, self._refused)
 
+    def _losses(self) -> dict[str, TopicLosses]:
+        return {name: topic.losses for name, topic in self._topics.items()}
 
-def _as_yaml(profile: QoSProfile) -> str:
-    reliable = profile.reliability == QoSReliabilityPolicy.RELIABLE
-    latched = profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
-    return qos_yaml(
-        'reliable' if reliable else 'best_effort', 'transient_local' if latched else 'volatile'
-    )
+    @property
+    def _lost(self) -> int:
+        return sum(topic.sequences.lost for topic in self._topics.values())
+
+    def _say(self, text: str) -> None:
+        """Say something, unless a supervisor runs this: then there are many others."""
+        if text and not self.recorded:
+            print(text, flush=True)
 
 
 def main() -> None:
     """Run the node."""
+    sys.argv[1:] = ros_arguments(sys.argv[1:])
     run_node(RecorderNode)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import sys
 from collections.abc import Callable
 
@@ -34,7 +35,7 @@ def run_node(make: Callable[[], GraphNode]) -> None:
         node.refuse_unknown_parameters()
         node.run()
     except StopRequestedError:
-        pass
+        code = 0 if node is None else node.exit_code
     except MissingInputError as error:
         code = EXIT_MISSING
         print(error, file=sys.stderr, flush=True)
@@ -43,6 +44,8 @@ def run_node(make: Callable[[], GraphNode]) -> None:
         print(f'ERROR {error}', file=sys.stderr, flush=True)
     if node is not None:
         node.close()
+    else:
+        gc.collect()  # a node that was only half made has to go before its context does
     rclpy.shutdown()
     sys.exit(code)
 

@@ -28,7 +28,7 @@ from layered_cbf_ros.scenario_file import load_scenario
 
 MANY = 1000  # nodes whose latched word is kept
 POLL_NS = 80_000  # only the simulator polls: more pollers would starve each other
-RECORDER_WINDOW_NS = 150_000_000
+RECORDER_WINDOW_NS = 60_000_000  # what every publisher still has, should it be lost on the way
 START_LIMIT_NS = 60_000_000_000
 LATE_NS = 100_000_000  # beyond this the real-time schedule starts anew
 

@@ -23,6 +23,7 @@ from layered_cbf_ros.errors import MessageError
 
 M = TypeVar('M')
 RELIABLE_DEPTH = 32
+KEPT_FOR_READERS = 128  # further than the simulator runs ahead of the recorder, in ticks
 TRACK_DEPTH = 256  # several stamps of many tracks, each a message of its own
 RESEND_DEPTH = 8  # beyond the largest latency of any input, counted in its messages
 RESEND_PAUSE_NS = 20_000_000
@@ -87,6 +88,7 @@ class Reader:
             callback_group=TakenByHand(),
             raw=True,
         )
+        self._subscription = subscription
         self._handle = subscription.handle
         self._type = message_type
         self._wait_set = _rclpy.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
@@ -97,13 +99,21 @@ class Reader:
         taken = self._handle.take_message(self._type, True)
         return None if taken is None else taken[0]
 
-    def take_with_times(self) -> tuple[bytes, int, int] | None:
-        """Return a message with the wall times it was sent and received at [ns]."""
+    def take_with_origin(self) -> tuple[bytes, int, int, int] | None:
+        """Return a message, the wall times it was sent and received at [ns], and its number.
+
+        Each publisher numbers its messages 1, 2, 3, ...
+        """
         taken = self._handle.take_message(self._type, True)
         if taken is None:
             return None
         data, info = taken
-        return data, int(info['source_timestamp']), int(info['received_timestamp'])
+        return (
+            data,
+            info['source_timestamp'],
+            info['received_timestamp'],
+            info['publication_sequence_number'],
+        )
 
     def wait(self, timeout: float) -> None:
         """Block until a message is there, or for timeout [s] of wall time."""
@@ -123,6 +133,10 @@ class Reader:
         """Return how many publishers are matched."""
         return int(self._handle.get_publisher_count())
 
+    def end(self, node: Node) -> None:
+        """Unsubscribe; what was not taken is gone."""
+        node.destroy_subscription(self._subscription)
+
 
 class Writer:
     """One publisher of bytes that can send its last messages again."""
@@ -135,7 +149,7 @@ class Writer:
         expected_readers: int = 1,
         kept: int = RESEND_DEPTH,
     ) -> None:
-        depth = max(RELIABLE_DEPTH, kept)
+        depth = max(KEPT_FOR_READERS, kept)
         self._publisher = node.create_publisher(message_type, topic, reliable(depth))
         self._ring: deque[bytes] = deque(maxlen=kept)
         self._resent_ns = 0

@@ -88,7 +88,7 @@ def status_rows(
 def _note(values: Mapping[str, str]) -> str:
     """Return what is out of the ordinary."""
     notes = [f'waits for {values["waiting_for"]}'] if values.get('waiting_for') else []
-    for key in ('solver_failures', 'slack_events', 'rejected', 'deadline_misses'):
+    for key in ('solver_failures', 'slack_events', 'rejected', 'deadline_misses', 'lost'):
         if values.get(key, '0') not in ('0', ''):
             notes.append(f'{values[key]} {key.replace("_", " ")}')
     return ', '.join(notes)

@@ -61,7 +61,7 @@ class TopicCounter:
     @property
     def lost(self) -> int:
         """Messages that seem lost."""
-        usual = max(self._gaps, key=lambda gap: (self._gaps[gap], -gap), default=0)
+        usual = self._usual
         if not usual:
             return 0
         return sum(
@@ -69,6 +69,15 @@ class TopicCounter:
             for gap, count in self._gaps.items()
             if gap > 1.5 * usual
         )
+
+    @property
+    def usual_gap_ns(self) -> int:
+        """Return the commonest gap between stamps [ns], 0 before there is any."""
+        return self._usual * RESOLUTION_NS
+
+    @property
+    def _usual(self) -> int:
+        return max(self._gaps, key=lambda gap: (self._gaps[gap], -gap), default=0)
 
 
 def counter_for(type_name: str) -> TopicCounter:
