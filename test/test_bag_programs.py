@@ -24,6 +24,7 @@ def run(program: str, *arguments: str | Path) -> subprocess.CompletedProcess:
     code = f'from layered_cbf_ros.nodes.{program} import main; main()'
     return subprocess.run(
         [sys.executable, '-c', code, *map(str, arguments)],
+        check=False,
         capture_output=True,
         text=True,
         timeout=LIMIT_S,

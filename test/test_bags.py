@@ -21,6 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 from layered_cbf_ros.bags.recording.topic_counter import TopicCounter, counter_for
 from layered_cbf_ros.bags.run.series import JointStates, JointTrajectories, PlannedMotions
 from layered_cbf_ros.bags.storage.opening import open_bag
+from layered_cbf_ros.bags.storage.presets import Storage
 from layered_cbf_ros.bags.storage.reader import BagReader
 from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError, LayeredCbfError
@@ -212,6 +213,24 @@ def test_a_killed_writer_leaves_a_readable_bag(tmp_path):
     assert len(found) in (2 * per_chunk, 2 * per_chunk - 1)  # the first holds the schema too
     assert found == list(range(len(found)))
     assert reader.truncated
+
+
+def test_a_bag_is_split_by_time_and_silent_topics_are_told(tmp_path):
+    """No file spans more than was asked for, and rosbags reads all as one."""
+    with BagWriter(tmp_path / 'bag', storage=Storage(max_seconds=2.0)) as bag:
+        topic = bag.add_topic('/said', 'std_msgs/msg/String')
+        bag.add_topic('/silent', 'sensor_msgs/msg/Imu')
+        for k in range(100):
+            bag.write(topic, string_cdr(f'message {k}'), k * NS_PER_S // 10, 0)
+    information = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())
+    files = information['rosbag2_bagfile_information']['files']
+    assert [entry['message_count'] for entry in files] == [20] * 5
+    assert max(entry['duration']['nanoseconds'] for entry in files) < 2 * NS_PER_S
+    with AnyReader([tmp_path / 'bag']) as reader:
+        said = [reader.deserialize(data, c.msgtype).data for c, _, data in reader.messages()]
+        assert {c.topic: c.msgcount for c in reader.connections} == {'/said': 100, '/silent': 0}
+    assert said == [f'message {k}' for k in range(100)]
+    assert set(BagReader(tmp_path / 'bag').topics) == {'/said', '/silent'}
 
 
 def test_a_bag_is_never_written_over(tmp_path):

@@ -20,6 +20,7 @@ PYTHONS = ('3.10', '3.11', '3.12')
 # rosdep keys of what is imported under another name
 KEYS = {
     'PIL': 'python3-pil',
+    'coal': 'coal',
     'lz4': 'python3-lz4',
     'matplotlib': 'python3-matplotlib',
     'mcap': 'python3-mcap-pip',
@@ -36,6 +37,7 @@ KEYS = {
 OPTIONAL = {'pyarrow': 'parquet'}  # extras that a person installs when they want them
 DISTRIBUTIONS = {
     'PIL': 'pillow',
+    'coal': 'pin',
     'pinocchio': 'pin',
     'pybullet_data': 'pybullet',
     'pybullet_utils': 'pybullet',

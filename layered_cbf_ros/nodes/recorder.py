@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import signal
 import sys
 import time
 from pathlib import Path
+from typing import TextIO
 
 from std_msgs.msg import Header
 
@@ -49,6 +52,7 @@ class RecorderNode(GraphNode):
         self._topics: dict[str, RecordedTopic] = {}
         self._refused: dict[str, str] = {}
         self._progress = self.create_publisher(Header, PROGRESS, 10)
+        signal.signal(signal.SIGHUP, self._request_stop)  # its terminal was closed
         self._told_ns = -1
         self._next_discovery_ns = self._next_flush_ns = 0
         self._say(f'recording into {self._bag.path}; Ctrl-C ends it')
@@ -106,7 +110,7 @@ class RecorderNode(GraphNode):
         """Tell once that something is not recorded."""
         self._refused[topic] = reason
         self.statistics.reject(f'{topic}: {reason}')
-        print(f'NOT RECORDED {topic}: {reason}', file=sys.stderr, flush=True)
+        _tell(f'NOT RECORDED {topic}: {reason}', sys.stderr)
 
     def _keep_up(self) -> None:
         """Do once a second what needn't be done for each message."""
@@ -117,7 +121,7 @@ class RecorderNode(GraphNode):
         self._bag.flush()
         put_back = self._bag.keep()
         if put_back:
-            print(f'WARNING {put_back}', file=sys.stderr, flush=True)
+            _tell(f'WARNING {put_back}', sys.stderr)
         details = self.statistics.details
         details['received'] = str(sum(each.received for each in self._losses().values()))
         details['lost'] = str(self._lost)
@@ -142,9 +146,8 @@ class RecorderNode(GraphNode):
         self._note()
         where = self._bag.path
         self._bag.close({NOTE: summary(losses, list(self._refused))})
-        if not self.recorded:
-            print('\n'.join(table(losses)))
-        print(f'{summary(losses, list(self._refused))}: {where}', flush=True)
+        self._say('\n'.join(table(losses)))
+        _tell(f'{summary(losses, list(self._refused))}: {where}')
         self.exit_code = 0 if self.is_well else EXIT_LOST
 
     def _note(self) -> None:
@@ -161,7 +164,13 @@ class RecorderNode(GraphNode):
     def _say(self, text: str) -> None:
         """Say something, unless a supervisor runs this: then there are many others."""
         if text and not self.recorded:
-            print(text, flush=True)
+            _tell(text)
+
+
+def _tell(text: str, stream: TextIO | None = None) -> None:
+    """Print, and go on recording even if nobody listens any more."""
+    with contextlib.suppress(OSError):
+        print(text, file=stream or sys.stdout, flush=True)
 
 
 def main() -> None:

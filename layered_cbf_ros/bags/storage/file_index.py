@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 
-from layered_cbf_ros.bags.storage.mcap_packing import (
-    ATTACHMENT_INDEX,
-    CHUNK_INDEX,
-    DATA_END,
-    METADATA_INDEX,
-    STATISTICS,
-    packed_counts,
-    packed_end,
-    packed_record,
-    packed_text,
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    ChunkIndex,
+    DataEnd,
+    MetadataIndex,
+    Statistics,
 )
-from layered_cbf_ros.bags.storage.mcap_records import CHANNEL, SCHEMA, text_at
+
+from layered_cbf_ros.bags.storage.mcap_packing import packed, packed_end, packed_record
+from layered_cbf_ros.bags.storage.mcap_records import CHANNEL, SCHEMA
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,31 +85,36 @@ class FileIndex:
 
     def add_chunk(self, place: ChunkPlace) -> None:
         """Take a chunk in."""
-        self._chunks.append(packed_record(
-            CHUNK_INDEX,
-            struct.pack('<QQQQ', place.first_ns, place.last_ns, place.offset, place.length),
-            packed_counts(place.indexes),
-            struct.pack('<Q', place.indexes_length),
-            packed_text(place.compression),
-            struct.pack('<QQ', place.packed_size, place.size),
-        ))  # fmt: skip
+        index = ChunkIndex(
+            chunk_length=place.length,
+            chunk_start_offset=place.offset,
+            compression=place.compression,
+            compressed_size=place.packed_size,
+            message_end_time=place.last_ns,
+            message_index_length=place.indexes_length,
+            message_index_offsets=dict(place.indexes),
+            message_start_time=place.first_ns,
+            uncompressed_size=place.size,
+        )
+        self._chunks.append(packed(index))
 
     def add_note(self, offset: int, length: int, name: str) -> None:
         """Take a Metadata record in."""
-        place = struct.pack('<QQ', offset, length)
-        self._notes.append(packed_record(METADATA_INDEX, place, packed_text(name)))
+        self._notes.append(packed(MetadataIndex(offset, length, name)))
 
     def add_attachment(self, offset: int, length: int, body: memoryview) -> None:
         """Take an attachment in."""
-        name, at = text_at(body, 16)
-        kind, at = text_at(body, at)
-        size, times = bytes(body[at : at + 8]), bytes(body[:16])
-        self._attachments.append(packed_record(
-            ATTACHMENT_INDEX,
-            struct.pack('<QQ', offset, length) + times + size,
-            packed_text(name),
-            packed_text(kind),
-        ))  # fmt: skip
+        found = Attachment.read(ReadDataStream(BytesIO(body)))
+        index = AttachmentIndex(
+            offset,
+            length,
+            found.log_time,
+            found.create_time,
+            len(found.data),
+            found.name,
+            found.media_type,
+        )
+        self._attachments.append(packed(index))
 
     def ending(self, offset: int, chunked: bool = True) -> bytes:
         """Return all that stands behind the data.
@@ -118,21 +124,29 @@ class FileIndex:
             chunked: Whether all messages are in chunks; if not, readers must not go by
                 the chunks alone, and get none to go by.
         """
-        end = packed_record(DATA_END, bytes(4))
+        end = packed(DataEnd(0))
         chunks = self._chunks if chunked else []
         groups = [
             (SCHEMA, b''.join(self.schemas.values())),
             (CHANNEL, b''.join(self.channels.values())),
-            (STATISTICS, self._statistics(len(self._chunks))),
-            (CHUNK_INDEX, b''.join(chunks)),
-            (ATTACHMENT_INDEX, b''.join(self._attachments)),
-            (METADATA_INDEX, b''.join(self._notes)),
+            (Opcode.STATISTICS, self._statistics(len(self._chunks))),
+            (Opcode.CHUNK_INDEX, b''.join(chunks)),
+            (Opcode.ATTACHMENT_INDEX, b''.join(self._attachments)),
+            (Opcode.METADATA_INDEX, b''.join(self._notes)),
         ]
         return end + packed_end(offset + len(end), groups)
 
     def _statistics(self, chunks: int) -> bytes:
-        numbers = (self.count, len(self.schemas), len(self.channels))
-        parts = (len(self._attachments), len(self._notes), chunks)
-        times = (self.first_ns, self.last_ns)
-        head = struct.pack('<QHIIIIQQ', *numbers, *parts, *times)
-        return packed_record(STATISTICS, head, packed_counts(self.counts))
+        return packed(
+            Statistics(
+                attachment_count=len(self._attachments),
+                channel_count=len(self.channels),
+                channel_message_counts=dict(self.counts),
+                chunk_count=chunks,
+                message_count=self.count,
+                message_end_time=self.last_ns,
+                message_start_time=self.first_ns,
+                metadata_count=len(self._notes),
+                schema_count=len(self.schemas),
+            )
+        )

@@ -6,16 +6,11 @@ import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mcap.opcode import Opcode
+
 from layered_cbf_ros.bags.storage.chunk import Chunk, message_indexes
 from layered_cbf_ros.bags.storage.file_index import ChunkPlace, FileIndex
-from layered_cbf_ros.bags.storage.mcap_packing import (
-    ATTACHMENT,
-    DATA_END,
-    HEADER,
-    MESSAGE_INDEX,
-    packed_channel,
-    packed_record,
-)
+from layered_cbf_ros.bags.storage.mcap_packing import packed_channel, packed_record
 from layered_cbf_ros.bags.storage.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -96,7 +91,7 @@ class _Scanner:
         result, end, in_data = self._result, FileEnd(), True
         with path.open('rb') as stream:
             for opcode, offset, body in file_records(stream, end):
-                in_data = in_data and opcode != DATA_END
+                in_data = in_data and opcode != Opcode.DATA_END
                 if in_data:
                     result.data_end = offset + RECORD_HEAD.size + len(body)
                     try:
@@ -115,7 +110,7 @@ class _Scanner:
     def _take(self, opcode: int, offset: int, body: memoryview) -> None:
         """Take in one record of the data."""
         result, length = self._result, RECORD_HEAD.size + len(body)
-        if opcode == MESSAGE_INDEX:
+        if opcode == Opcode.MESSAGE_INDEX:
             if self._chunk is not None:
                 self._chunk.indexes[int.from_bytes(body[:2], 'little')] = offset
                 self._chunk.end = offset + length
@@ -129,10 +124,10 @@ class _Scanner:
             result.chunked = False
         elif opcode == METADATA:
             result.index.add_note(offset, length, note_of(body)[0])
-        elif opcode == ATTACHMENT:
+        elif opcode == Opcode.ATTACHMENT:
             result.index.add_attachment(offset, length, body)
         else:
-            result.begins |= opcode == HEADER
+            result.begins |= opcode == Opcode.HEADER
             result.channels.learn(opcode, body)
             result.index.learn(opcode, body)
 
