@@ -36,6 +36,8 @@ class TopicProgress:
             state_ns: Newest recorded state: the limit if the topic sets none.
         """
         last_ns = self._counter.last_ns
+        if not self._usual_ns:
+            self.refresh()  # from the first messages on: nothing may be lost until then
         if last_ns is None or not 0 < self._usual_ns <= STEADY_NS:
             return state_ns
         lag_ns = state_ns - last_ns

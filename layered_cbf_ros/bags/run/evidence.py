@@ -52,11 +52,15 @@ def _told_losses(record: RunRecord) -> list[str]:
         return [str(error)]
     refused = record.notes.get(REFUSED_NOTE, {})
     failed = [f'the recorder failed: {why}' for why in record.notes.get(FAILED_NOTE, {}).values()]
-    return failed + [
-        f'the recorder lost {told.lost} messages of {topic}'
-        for topic, told in losses.items()
-        if told.lost
-    ] + [f'{topic} was not recorded: {reason}' for topic, reason in refused.items()]
+    return (
+        failed
+        + [
+            f'the recorder lost {told.lost} messages of {topic}'
+            for topic, told in losses.items()
+            if told.lost
+        ]
+        + [f'{topic} was not recorded: {reason}' for topic, reason in refused.items()]
+    )
 
 
 def _missing_topics(record: RunRecord) -> list[str]:
