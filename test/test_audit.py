@@ -425,6 +425,8 @@ def test_losses_that_the_recorder_tells_are_holes(plant):
     lost = {'recorder': {'/state': 'received=801 lost=2', '/a1_0/imu': 'received=40 lost=7'}}
     told = holes(plant(notes=lost))
     assert told == ['/state: the recorder tells of 2 lost messages']
+    failed = {'recorder_failed': {'reason': 'No space left on device'}}
+    assert holes(plant(notes=failed)) == ['the recorder failed: No space left on device']
 
 
 def test_a_scenario_without_all_parameters_proves_nothing_that_needs_them(entries, plant):

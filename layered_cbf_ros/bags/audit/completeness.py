@@ -10,6 +10,7 @@ import yaml
 from layered_cbf_ros.bags.audit.evidence import DIAGNOSTICS, SCENARIO, Evidence, is_audited
 from layered_cbf_ros.bags.audit.findings import Check
 from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
+from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import LOCKSTEP
@@ -70,6 +71,7 @@ def _told_losses(evidence: Evidence) -> list[str]:
     for topic, reason in evidence.notes.get(REFUSED_NOTE, {}).items():
         if is_audited(topic):
             holes.append(f'{topic}: was not recorded: {reason}')
+    holes += [f'the recorder failed: {why}' for why in evidence.notes.get(FAILED_NOTE, {}).values()]
     gaps = evidence.diagnostics.get(RECORDER, {}).get('lost', '0')
     lockstep = evidence.scenario is not None and evidence.scenario.time == LOCKSTEP
     if losses is None and lockstep and gaps != '0':

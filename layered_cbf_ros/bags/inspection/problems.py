@@ -9,6 +9,7 @@ from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.bags.run.topics import CLEARANCE, DIAGNOSTICS, OBSTACLES, PLAN, STATE
 from layered_cbf_ros.bags.storage.bag import Bag
+from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
 
@@ -79,6 +80,8 @@ def _recorder_losses(bag: Bag) -> Iterator[str]:
         )
     for topic, reason in sorted(bag.notes.get(REFUSED_NOTE, {}).items()):
         yield f'{bag.path}: {topic} was not recorded: {reason}'
+    for reason in bag.notes.get(FAILED_NOTE, {}).values():
+        yield f'{bag.path}: the recorder failed: {reason}'
 
 
 def _stamp_jumps(statistics: Mapping[str, TopicStatistics], start_ns: int) -> Iterator[str]:
