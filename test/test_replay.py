@@ -51,7 +51,7 @@ def replay():
 
     def start(*arguments, **options):
         """Start a replay; its delay is for a slow machine, on which readers come late."""
-        started.append(LiveReplay(*arguments, '-d', '1', **options))
+        started.append(LiveReplay(*arguments, '-d', '2', **options))
         return started[-1]
 
     yield start

@@ -137,7 +137,7 @@ def feed(node: str, run, mode: str, *options: str):
     )
     live.until(lambda: ears.handle.get_publisher_count() == 1)
     sent = listen_to_others(live, node, run)
-    replay = LiveReplay(run, '--inputs-of', node, *options)
+    replay = LiveReplay(run, '--inputs-of', node, '-d', '2', *options)
     try:
         live.until(lambda: replay.process.poll() is not None)
         code, output, errors = replay.end()
