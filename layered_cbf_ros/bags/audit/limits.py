@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from layered_cbf_ros.bags.tables import aligned
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.parameters import parameter
 
@@ -75,11 +76,12 @@ def limits_from(changes: Sequence[str]) -> Limits:
 def described(limits: Limits) -> list[str]:
     """Return the limits as aligned lines: name, value, unit and meaning."""
     rows = [
-        (field.name, f'{getattr(limits, field.name):g}', field.metadata['unit'])
+        (
+            field.name,
+            f'{getattr(limits, field.name):g}',
+            field.metadata['unit'],
+            field.metadata['description'],
+        )
         for field in dataclasses.fields(limits)
     ]
-    widths = [max(len(row[i]) for row in rows) for i in range(3)]
-    return [
-        '  '.join(map(str.ljust, row, widths)) + '  ' + field.metadata['description']
-        for row, field in zip(rows, dataclasses.fields(limits), strict=True)
-    ]
+    return aligned(rows)

@@ -9,6 +9,7 @@ from typing import Any
 from layered_cbf_ros.bags.audit.audit import Audit
 from layered_cbf_ros.bags.audit.findings import BREACH, NOT_PROVEN, OK, Breach, Check
 from layered_cbf_ros.bags.audit.limits import described
+from layered_cbf_ros.bags.tables import underlined
 
 HEADING = ('check', 'worst', 'limit', 'where', 'when', 'breaches', '')
 OF_PAIRS = ('centre distance', 'clearance', 'psi0 recomputed', 'psi1 recomputed')
@@ -74,14 +75,7 @@ def _plain(value: Any) -> Any:
 
 
 def _table(checks: tuple[Check, ...]) -> list[str]:
-    return _aligned([HEADING, *(_row(check) for check in checks)])
-
-
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Return rows as lines, the first one underlined."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    return [lines[0], '  '.join('-' * width for width in widths).rstrip(), *lines[1:]]
+    return underlined([HEADING, *(_row(check) for check in checks)])
 
 
 def _row(check: Check) -> tuple[str, ...]:
@@ -110,7 +104,7 @@ def _pairs(checks: tuple[Check, ...]) -> list[str]:
     for pair in pairs:
         values = (found[check.name].get(pair) for check in chosen)
         rows.append((pair, *('-' if value is None else f'{value:.4f}' for value in values)))
-    return _aligned(rows)
+    return underlined(rows)
 
 
 def _breaches(check: Check) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from layered_cbf_ros.bags.resolving.distances import Approach, Overlap
 from layered_cbf_ros.bags.resolving.plan_measures import Extreme, PlanFigures
 from layered_cbf_ros.bags.resolving.results import PlanAnswer
-from layered_cbf_ros.bags.resolving.tables import aligned
+from layered_cbf_ros.bags.tables import aligned
 
 
 def plan_lines(answer: PlanAnswer) -> Iterator[str]:
@@ -16,7 +16,7 @@ def plan_lines(answer: PlanAnswer) -> Iterator[str]:
     rows = [('figure of the plan', 'recorded', 're-solved')]
     old, new = ({} if plan is None else dict(_figures(plan)) for plan in plans)
     rows += [(name, old.get(name, '-'), new.get(name, '-')) for name in {**new, **old}]
-    yield from aligned(rows)
+    yield from (f'  {line}' for line in aligned(rows))
     apart = answer.apart
     if apart is not None:
         yield (

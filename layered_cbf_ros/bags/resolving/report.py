@@ -11,7 +11,7 @@ from layered_cbf_ros.bags.resolving.results import (
     ResolveResult,
     TopicResult,
 )
-from layered_cbf_ros.bags.resolving.tables import aligned
+from layered_cbf_ros.bags.tables import aligned
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.timing import LOCKSTEP
 
@@ -98,7 +98,7 @@ def _topic_lines(node: NodeResult, what_if: bool) -> Iterator[str]:
             rows.append(_topic_row(topic))
         else:
             rows.append((topic.topic, 'not recorded', '', '', '', ''))
-    yield from aligned(rows)
+    yield from (f'  {line}' for line in aligned(rows))
     for topic in node.topics:
         yield from _difference_lines(topic, what_if)
 

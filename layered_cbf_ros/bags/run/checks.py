@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from layered_cbf_ros.bags.run.measures import Contact, Fall
+from layered_cbf_ros.bags.tables import underlined
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,9 +135,7 @@ def format_table(checks: tuple[Check, ...]) -> list[str]:
     marks = {True: 'ok', False: 'FAIL', None: ''}
     rows = [('figure', 'value', 'must', '')]
     rows += [(check.figure, check.value, check.must, marks[check.kept]) for check in checks]
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
-    lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    return [lines[0], '  '.join('-' * width for width in widths), *lines[1:]]
+    return underlined(rows)
 
 
 def _text(value: float | None, unit: str, digits: int, note: str | None = None) -> str:
