@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -59,3 +60,14 @@ def tell(path: Path | None, document: Any, text: str) -> None:
         except OSError as error:
             raise BagError(f'--json {path} cannot be written: {error.strerror}') from None
     print(text)
+
+
+def finite(value: Any) -> Any:
+    """Return plain values as JSON takes them: a number that isn't finite becomes None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(entry) for entry in value]
+    return value

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 from layered_cbf_ros.bags.audit.audit import Audit
 from layered_cbf_ros.bags.audit.findings import BREACH, NOT_PROVEN, OK, Breach, Check
 from layered_cbf_ros.bags.audit.limits import described
+from layered_cbf_ros.bags.json_output import finite
 from layered_cbf_ros.bags.tables import underlined
 
 HEADING = ('check', 'worst', 'limit', 'where', 'when', 'breaches', '')
@@ -58,20 +58,12 @@ def json_of(audit: Audit) -> dict[str, Any]:
         'status': audit.status,
         'exit_code': audit.exit_code,
         'limits': dataclasses.asdict(audit.limits),
-        'checks': [_plain(_fields(check)) for check in audit.checks],
+        'checks': [finite(_fields(check)) for check in audit.checks],
     }
 
 
 def _fields(check: Check) -> dict[str, Any]:
     return {**dataclasses.asdict(check), 'status': check.status}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _table(checks: tuple[Check, ...]) -> list[str]:

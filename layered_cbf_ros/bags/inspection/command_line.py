@@ -14,7 +14,6 @@ from layered_cbf_ros.bags.inspection.bag_info import BagInfo
 from layered_cbf_ros.bags.inspection.echo import echo
 from layered_cbf_ros.bags.inspection.export import check_tables, export
 from layered_cbf_ros.bags.inspection.info_table import info_lines
-from layered_cbf_ros.bags.inspection.plain import finite
 from layered_cbf_ros.bags.inspection.plotting import check_figures, write_figures
 from layered_cbf_ros.bags.inspection.selection import Selection
 from layered_cbf_ros.bags.inspection.survey import survey
@@ -23,6 +22,7 @@ from layered_cbf_ros.bags.json_output import (
     STANDARD_OUTPUT,
     add_json_option,
     check_json_file,
+    finite,
     tell,
 )
 from layered_cbf_ros.bags.run.verdict import Verdict

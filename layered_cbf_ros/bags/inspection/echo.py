@@ -8,9 +8,10 @@ from typing import Any
 
 import yaml
 
-from layered_cbf_ros.bags.inspection.plain import finite, plain
+from layered_cbf_ros.bags.inspection.plain import plain
 from layered_cbf_ros.bags.inspection.problems import cut_off
 from layered_cbf_ros.bags.inspection.selection import Selection
+from layered_cbf_ros.bags.json_output import finite
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.topic import Record

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
@@ -22,14 +21,3 @@ def plain(message: Any) -> Any:
     if isinstance(message, list):
         return [plain(part) for part in message]
     return message
-
-
-def finite(value: Any) -> Any:
-    """Return plain values as JSON takes them: a number that isn't finite becomes None."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(entry) for entry in value]
-    return value

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import Any
 
+from layered_cbf_ros.bags.json_output import finite
 from layered_cbf_ros.bags.resolving.comparison import Comparison
 from layered_cbf_ros.bags.resolving.plan_measures import Extreme, PlanFigures
 
@@ -154,7 +154,7 @@ class ResolveResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything in the form of JSON; what is not a finite number is null."""
-        form: dict[str, Any] = _plain(
+        form: dict[str, Any] = finite(
             {**dataclasses.asdict(self), 'compared': self.compared, 'bit_equal': self.is_equal}
         )
         return form
@@ -180,13 +180,3 @@ def topic_result(comparison: Comparison) -> TopicResult:
         first_different_ns=comparison.first_different_ns,
         quantities=tuple(quantities),
     )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

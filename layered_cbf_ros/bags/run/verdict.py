@@ -6,13 +6,13 @@ What isn't in the bag isn't proven, and what isn't proven isn't passed.
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from layered_cbf_ros.bags.json_output import finite
 from layered_cbf_ros.bags.run import measures
 from layered_cbf_ros.bags.run.checks import Check, Limits, RunFigures, compare, format_table
 from layered_cbf_ros.bags.run.distances import pair_distances
@@ -39,8 +39,7 @@ class Verdict(RunFigures):
         """Return all but the table as plain values for json.dumps; NaN becomes None."""
         values = dataclasses.asdict(self)
         del values['checks']
-        text = json.dumps(values)
-        plain: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
+        plain: dict[str, Any] = finite(values)
         return plain
 
     def table(self) -> str:
