@@ -1,4 +1,4 @@
-"""Which topics each node of a run acts on: what must be replayed to make it work again."""
+"""Names of the topics of a run, and which of them each node acts on."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from layered_cbf_ros.errors import LayeredCbfError
 
 STATE, PLAN = '/state', '/safe_trajectory'
 DETECTIONS, TRACKS, TRACKED = '/obstacles/detections', '/obstacles/tracks', '/obstacles/tracked'
+TRUTH, CLEARANCE = '/obstacles/truth', '/simulator/clearance'
+BARRIERS, INTERVENTION = '/coordinator/barriers', '/coordinator/intervention'
+DESIRED, BALLS = '/coordinator/desired', '/coordinator/balls'
+SCENARIO, DIAGNOSTICS = '/scenario', '/diagnostics'
 ONE_OF_A_KIND = {
     'coordinator': (STATE, TRACKS, TRACKED),
     'obstacle_tracker': (DETECTIONS,),

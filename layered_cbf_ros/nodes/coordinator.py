@@ -21,6 +21,7 @@ from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.standard import named_values, series
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
+from layered_cbf_ros.node_topics import BALLS, BARRIERS, DESIRED, INTERVENTION, PLAN
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.running import run_node
@@ -45,13 +46,13 @@ class CoordinatorNode(GraphNode):
         )
         self._states = [StateReader(name) for name in self._names]
         self._tracks = TrackInput(self, scenario) if scenario.obstacles else None
-        self._plan = self.writer(MultiDOFJointTrajectory, '/safe_trajectory', 2 * len(self._names))
+        self._plan = self.writer(MultiDOFJointTrajectory, PLAN, 2 * len(self._names))
         self._encoder = TrajectoryWriter(self._names)
-        self._barriers = self.writer(JointTrajectory, '/coordinator/barriers', 0)
-        self._intervention = self.writer(JointTrajectory, '/coordinator/intervention', 0)
-        self._desired = self.writer(JointTrajectory, '/coordinator/desired', 0)
+        self._barriers = self.writer(JointTrajectory, BARRIERS, 0)
+        self._intervention = self.writer(JointTrajectory, INTERVENTION, 0)
+        self._desired = self.writer(JointTrajectory, DESIRED, 0)
         self._axes = axis_names(self._names)
-        self._balls = self.writer(JointState, '/coordinator/balls', 0)
+        self._balls = self.writer(JointState, BALLS, 0)
         self._batch: list[CoordinationResult] = []
 
     def close(self) -> None:

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
+from layered_cbf_ros.node_topics import DIAGNOSTICS
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
 from layered_cbf_ros.supervision.status import Report, silent_nodes
 from layered_cbf_ros.supervision.supervisor import News
@@ -32,7 +33,7 @@ class GraphNews(Node):
         super().__init__('supervisor', start_parameter_services=False)
         self._names = names
         self._ready_reader = Reader(self, String, '/ready', latched(MANY))
-        self._diagnostics_reader = Reader(self, DiagnosticArray, '/diagnostics')
+        self._diagnostics_reader = Reader(self, DiagnosticArray, DIAGNOSTICS)
         self._clock_reader = Reader(self, Clock, '/clock')
         self._ready: set[str] = set()
         self._simulated: float | None = None

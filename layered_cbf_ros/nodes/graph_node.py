@@ -21,6 +21,7 @@ from layered_cbf_ros.errors import (
     StopRequestedError,
 )
 from layered_cbf_ros.loop_statistics import LoopStatistics
+from layered_cbf_ros.node_topics import DIAGNOSTICS, STATE
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.transport import (
     RELIABLE_DEPTH,
@@ -59,7 +60,7 @@ class GraphNode(Node):
         self.lockstep = self.timing.time == LOCKSTEP
         self.scenario = str(self.declare_parameter('scenario', '').value)
         self.recorded = bool(self.declare_parameter('recorded', False).value)
-        self.state_topic = str(self.declare_parameter('state_topic', '/state').value)
+        self.state_topic = str(self.declare_parameter('state_topic', STATE).value)
         self.stop_requested = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._request_stop)
@@ -67,7 +68,7 @@ class GraphNode(Node):
         self.readers: list[Reader] = []
         self.writers: list[Writer] = []
         self._ready = self.create_publisher(String, '/ready', latched())
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         self._next_service_ns = self._next_diagnostic_ns = 0

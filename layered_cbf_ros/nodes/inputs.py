@@ -9,6 +9,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from layered_cbf_ros.interfaces import PlannedMotion
 from layered_cbf_ros.messages.trajectory import TrajectoryReader
+from layered_cbf_ros.node_topics import PLAN
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.transport import Reader
 from layered_cbf_ros.timing import Inbox, InputRule
@@ -83,5 +84,5 @@ class Input(Generic[T]):
 
 def plan_input(node: GraphNode, robot: str) -> Input[PlannedMotion]:
     """Return the input that both controllers of a robot have: its safe motion."""
-    reader = node.reader(MultiDOFJointTrajectory, '/safe_trajectory')
+    reader = node.reader(MultiDOFJointTrajectory, PLAN)
     return Input(node, reader, node.rules.plan, TrajectoryReader(robot).read, '/coordinator')

@@ -14,6 +14,7 @@ from layered_cbf_ros.interfaces import Array, Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.standard import points, track_odometry
 from layered_cbf_ros.messages.tracks import points_from
+from layered_cbf_ros.node_topics import DETECTIONS, TRACKED, TRACKS
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.running import run_node
@@ -33,9 +34,9 @@ class ObstacleTrackerNode(GraphNode):
     def __init__(self) -> None:
         super().__init__('obstacle_tracker')
         self._tracker = ObstacleTracker(declare(self, ObstacleTrackerParameters))
-        self._detections = self.reader(PoseArray, '/obstacles/detections')
-        self._tracks = self.writer(Odometry, '/obstacles/tracks', kept=TRACK_DEPTH)
-        self._tracked = self.writer(PoseArray, '/obstacles/tracked')
+        self._detections = self.reader(PoseArray, DETECTIONS)
+        self._tracks = self.writer(Odometry, TRACKS, kept=TRACK_DEPTH)
+        self._tracked = self.writer(PoseArray, TRACKED)
 
     def run(self) -> None:
         """Update the tracks on every detection message, seen or empty."""

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 
 from layered_cbf_ros.interfaces import NS_PER_S, RobotState
 from layered_cbf_ros.messages import standard
+from layered_cbf_ros.node_topics import CLEARANCE, DETECTIONS, SCENARIO, TRUTH
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.transport import latched
 from layered_cbf_ros.plants.bullet_world import BulletWorld
@@ -35,10 +36,10 @@ class SimulatorOutputs:
         self._rng = np.random.default_rng(scenario.seed)
         self._delayed: deque[bytes] = deque()
         self._clock = node.create_publisher(Clock, '/clock', 10)
-        self._clearance = node.writer(JointState, '/simulator/clearance', 0)
+        self._clearance = node.writer(JointState, CLEARANCE, 0)
         if scenario.obstacles:
-            self._truth = node.writer(PoseArray, '/obstacles/truth', 0)
-            self._detections = node.writer(PoseArray, '/obstacles/detections')
+            self._truth = node.writer(PoseArray, TRUTH, 0)
+            self._detections = node.writer(PoseArray, DETECTIONS)
         self._people = []
         for robot in scenario.robots:
             kinds = ('joint_states', JointState), ('odom', Odometry), ('imu', Imu)
@@ -50,7 +51,7 @@ class SimulatorOutputs:
             _latch(node, f'/{robot.name}/robot_description', find_urdf().read_text())
             for robot in scenario.robots
         ]
-        self._latched.append(_latch(node, '/scenario', to_json(scenario)))
+        self._latched.append(_latch(node, SCENARIO, to_json(scenario)))
 
     def publish(self, states: Sequence[RobotState]) -> None:
         """Publish what is due at the states' stamp."""

@@ -8,6 +8,7 @@ from nav_msgs.msg import Odometry
 from layered_cbf_ros.interfaces import Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.tracks import points_from, track_from
+from layered_cbf_ros.node_topics import TRACKED, TRACKS
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.inputs import Input
 from layered_cbf_ros.nodes.transport import TRACK_DEPTH, decoded
@@ -28,8 +29,8 @@ class TrackInput:
     def __init__(self, node: GraphNode, scenario: Scenario) -> None:
         self._node = node
         self._radius = max(obstacle.radius for obstacle in scenario.obstacles)
-        self._odometry = node.reader(Odometry, '/obstacles/tracks', TRACK_DEPTH)
-        self._announcements = node.reader(PoseArray, '/obstacles/tracked')
+        self._odometry = node.reader(Odometry, TRACKS, TRACK_DEPTH)
+        self._announcements = node.reader(PoseArray, TRACKED)
         self._counts = Input(node, self._announcements, node.rules.tracks, count_points, SENDER)
         self._by_stamp, self._newest = TracksByStamp(), NewestTracks()
         self._complete: tuple[Track, ...] = ()

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from layered_cbf_ros.node_topics import PER_ROBOT
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import REAL_TIME
 
 PLANT = '/simulator'
 RECORDER = '/recorder'
 WHOLE_BODY = 'whole_body_controller'
-ROBOT_NODES = ('ground_force_mpc', WHOLE_BODY)
 # A robot whose controller died lies damped: a new one would make it jump up.
 ONCE = (PLANT.strip('/'), RECORDER.strip('/'), WHOLE_BODY)
 
@@ -49,7 +49,7 @@ def node_names(scenario: Scenario, record: bool) -> tuple[str, ...]:
     names.append('/coordinator')
     if scenario.obstacles:
         names.append('/obstacle_tracker')
-    names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in ROBOT_NODES]
+    names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
     return (*names, PLANT)
 
 

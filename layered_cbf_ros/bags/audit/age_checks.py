@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.audit.evidence import COMMANDS, FORCES, PLAN, STATE, Evidence
+from layered_cbf_ros.bags.audit.evidence import COMMANDS, FORCES, Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_most, not_proven
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters, timing_of
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.interfaces import NS_PER_S, Array
+from layered_cbf_ros.node_topics import PLAN, STATE
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import REAL_TIME, InputRule, InputRules
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from layered_cbf_ros.bags.audit.barriers import PairBarrier, pair_barriers
 from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry
-from layered_cbf_ros.bags.audit.evidence import BARRIERS, Evidence
+from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_least, at_most, not_proven
 from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters
@@ -18,6 +18,7 @@ from layered_cbf_ros.bags.audit.track_rows import FAR, track_rows
 from layered_cbf_ros.bags.audit.world import Motions
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.node_topics import BARRIERS
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import REAL_TIME
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry, rotations_of
-from layered_cbf_ros.bags.audit.evidence import COMMANDS, PLAN, Evidence
+from layered_cbf_ros.bags.audit.evidence import COMMANDS, Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_least, at_most, not_proven
 from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters
 from layered_cbf_ros.bags.audit.world import Motions
 from layered_cbf_ros.interfaces import JOINT_NAMES
+from layered_cbf_ros.node_topics import PLAN
 
 ROLL, PITCH, HEIGHT = 'roll', 'pitch', 'trunk height'
 URDF = 'range from the URDF in pybullet_data, which agrees with that of the maker'

@@ -15,12 +15,13 @@ import coal
 import numpy as np
 
 from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry
-from layered_cbf_ros.bags.audit.evidence import TRUTH, Evidence
+from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_least
 from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.surfaces import Cylinder, HalfSpace, Other, RobotBody
 from layered_cbf_ros.bags.audit.world import Motions
 from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.node_topics import TRUTH
 
 BLOCK = 256
 """Samples whose finer bounds are computed together."""

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import yaml
 
-from layered_cbf_ros.bags.audit.evidence import DIAGNOSTICS, SCENARIO, Evidence, is_audited
+from layered_cbf_ros.bags.audit.evidence import Evidence, is_audited
 from layered_cbf_ros.bags.audit.findings import Check
 from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
+from layered_cbf_ros.node_topics import DIAGNOSTICS, SCENARIO
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import LOCKSTEP
 

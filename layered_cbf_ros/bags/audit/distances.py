@@ -6,11 +6,12 @@ import itertools
 
 import numpy as np
 
-from layered_cbf_ros.bags.audit.evidence import TRUTH, Evidence
+from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_least, not_proven
 from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters
 from layered_cbf_ros.bags.audit.world import Motions
+from layered_cbf_ros.node_topics import TRUTH
 
 NAME = 'centre distance'
 

@@ -24,14 +24,21 @@ from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S, Array
+from layered_cbf_ros.node_topics import (
+    BARRIERS,
+    DESIRED,
+    DETECTIONS,
+    DIAGNOSTICS,
+    PLAN,
+    SCENARIO,
+    STATE,
+    TRACKED,
+    TRACKS,
+    TRUTH,
+)
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import from_json
 
-STATE, PLAN = '/state', '/safe_trajectory'
-BARRIERS, DESIRED = '/coordinator/barriers', '/coordinator/desired'
-TRUTH, DETECTIONS = '/obstacles/truth', '/obstacles/detections'
-TRACKED, TRACKS = '/obstacles/tracked', '/obstacles/tracks'
-SCENARIO, DIAGNOSTICS = '/scenario', '/diagnostics'
 COMMANDS, FORCES = 'joint_commands', 'ground_forces'
 SOURCES: dict[str, Callable[[], SeriesSource]] = {
     STATE: JointStates,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from layered_cbf_ros.bags.audit.evidence import DESIRED, PLAN, Evidence
+from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_most, not_proven
 from layered_cbf_ros.bags.audit.integration import carried
 from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters, timing_of
 from layered_cbf_ros.bags.audit.trace import Trace
+from layered_cbf_ros.node_topics import DESIRED, PLAN
 from layered_cbf_ros.scenario import Scenario
 
 INTEGRAL, SPEED, ACCELERATION, YAW = (

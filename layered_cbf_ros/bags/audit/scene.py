@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry
-from layered_cbf_ros.bags.audit.evidence import DESIRED, PLAN, Evidence
+from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.integration import carried
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters, timing_of
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.bags.audit.world import VELOCITY, Motions
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.node_topics import DESIRED, PLAN
 from layered_cbf_ros.scenario import Scenario
 
 EFFORT = 3

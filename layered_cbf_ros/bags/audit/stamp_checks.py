@@ -8,23 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.audit.evidence import (
-    BARRIERS,
-    COMMANDS,
-    DESIRED,
-    DETECTIONS,
-    FORCES,
-    PLAN,
-    STATE,
-    TRACKED,
-    TRUTH,
-    Evidence,
-)
+from layered_cbf_ros.bags.audit.evidence import COMMANDS, FORCES, Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_most, told
 from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.run_parameters import timing_of
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.interfaces import NS_PER_S
+from layered_cbf_ros.node_topics import BARRIERS, DESIRED, DETECTIONS, PLAN, STATE, TRACKED, TRUTH
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import REAL_TIME, InputRules
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.audit.evidence import STATE, TRUTH, Evidence
+from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.bags.run.series import Series
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.messages.robot_state import JOINTS, VELOCITIES, state_names
+from layered_cbf_ros.node_topics import STATE, TRUTH
 
 POSITION, VELOCITY, EFFORT = range(3)
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from layered_cbf_ros.bags.inspection.topic_statistics import TopicStatistics
 from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.run.run_record import RunRecord
-from layered_cbf_ros.bags.run.topics import CLEARANCE, DIAGNOSTICS, OBSTACLES, PLAN, STATE
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
+from layered_cbf_ros.node_topics import CLEARANCE, DIAGNOSTICS, PLAN, STATE, TRUTH
 
 NAMED = 3
 """So many topics are named where the same is wrong with several."""
@@ -121,7 +121,7 @@ def _missing_topics(statistics: Mapping[str, TopicStatistics], run: RunRecord) -
         return
     needed = [STATE, PLAN, DIAGNOSTICS]
     if scenario.plant == 'bullet':
-        needed += [CLEARANCE, *([OBSTACLES] if scenario.obstacles else [])]
+        needed += [CLEARANCE, *([TRUTH] if scenario.obstacles else [])]
     missing = [topic for topic in needed if topic not in statistics]
     if missing:
         yield (

@@ -7,11 +7,18 @@ from dataclasses import dataclass
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.errors import BagError, LayeredCbfError, ScenarioError
-from layered_cbf_ros.node_topics import DETECTIONS, PLAN, STATE, TRACKED, TRACKS, inputs_of
+from layered_cbf_ros.node_topics import (
+    DETECTIONS,
+    PLAN,
+    SCENARIO,
+    STATE,
+    TRACKED,
+    TRACKS,
+    inputs_of,
+)
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import from_json
 
-SCENARIO = '/scenario'
 JOINTS, POSES = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PoseArray'
 
 

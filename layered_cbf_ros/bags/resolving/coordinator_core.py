@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from layered_cbf_ros.bags.resolving.cores import Answer, Core, Tally, accepted
-from layered_cbf_ros.bags.resolving.rows import BARRIERS, DESIRED, INTERVENTION, series_row
+from layered_cbf_ros.bags.resolving.rows import series_row
 from layered_cbf_ros.bags.resolving.run_setup import RunSetup
 from layered_cbf_ros.bags.resolving.ticks import Tick
 from layered_cbf_ros.coordination.coordination_layer import (
@@ -23,7 +23,7 @@ from layered_cbf_ros.coordination.plan import CoordinationState
 from layered_cbf_ros.interfaces import Track
 from layered_cbf_ros.messages.robot_state import StateReader
 from layered_cbf_ros.messages.trajectory import TrajectoryWriter
-from layered_cbf_ros.node_topics import PLAN, STATE, TRACKS
+from layered_cbf_ros.node_topics import BARRIERS, DESIRED, INTERVENTION, PLAN, STATE, TRACKS
 from layered_cbf_ros.timing import LOCKSTEP, InputRules
 
 

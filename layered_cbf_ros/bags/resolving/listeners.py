@@ -10,13 +10,7 @@ from layered_cbf_ros.bags.resolving.coordinator_core import CoordinatorCore
 from layered_cbf_ros.bags.resolving.distances import Point
 from layered_cbf_ros.bags.resolving.plan_measures import Extreme, PlanMeasures
 from layered_cbf_ros.bags.resolving.recorded_tracks import track_radius
-from layered_cbf_ros.bags.resolving.rows import (
-    BARRIERS,
-    INTERVENTION,
-    Content,
-    Row,
-    RowReader,
-)
+from layered_cbf_ros.bags.resolving.rows import Content, Row, RowReader
 from layered_cbf_ros.bags.resolving.ticks import Tick
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.topic import Record
@@ -24,10 +18,9 @@ from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.tracks import points_from
-from layered_cbf_ros.node_topics import PLAN, TRACKS
+from layered_cbf_ros.node_topics import BARRIERS, DIAGNOSTICS, INTERVENTION, PLAN, TRACKS, TRUTH
 from layered_cbf_ros.scenario import Scenario
 
-TRUTH, DIAGNOSTICS = '/obstacles/truth', '/diagnostics'
 MEASURED = (PLAN, BARRIERS, INTERVENTION)
 
 

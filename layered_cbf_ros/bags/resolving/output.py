@@ -9,7 +9,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from layered_cbf_ros.bags.resolving.rows import SERIES, Content, Row
-from layered_cbf_ros.bags.resolving.run_setup import SCENARIO, RunSetup
+from layered_cbf_ros.bags.resolving.run_setup import RunSetup
 from layered_cbf_ros.bags.resolving.ticks import Tick
 from layered_cbf_ros.bags.storage.metadata import qos_yaml
 from layered_cbf_ros.bags.storage.presets import Storage
@@ -18,7 +18,7 @@ from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.tracks import PLANE
-from layered_cbf_ros.node_topics import PLAN, TRACKS
+from layered_cbf_ros.node_topics import PLAN, SCENARIO, TRACKS
 from layered_cbf_ros.scenario_file import to_json
 
 BATCH = 20  # ticks told in one message, as by the coordinator

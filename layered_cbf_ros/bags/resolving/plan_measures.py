@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from layered_cbf_ros.bags.resolving.distances import Approach, Distances, Overlap, Point
-from layered_cbf_ros.bags.resolving.rows import BARRIERS, INTERVENTION, Row
+from layered_cbf_ros.bags.resolving.rows import Row
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.interfaces import NS_PER_S
-from layered_cbf_ros.node_topics import PLAN
+from layered_cbf_ros.node_topics import BARRIERS, INTERVENTION, PLAN
 from layered_cbf_ros.scenario import Scenario
 
 PSI0, PSI1, SLACK = 0, 1, 3

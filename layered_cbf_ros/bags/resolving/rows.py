@@ -20,10 +20,8 @@ from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.interfaces import Array, Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.tracks import track_from
-from layered_cbf_ros.node_topics import PLAN, TRACKS
+from layered_cbf_ros.node_topics import BARRIERS, DESIRED, INTERVENTION, PLAN, TRACKS
 
-BARRIERS, INTERVENTION = '/coordinator/barriers', '/coordinator/intervention'
-DESIRED = '/coordinator/desired'
 SERIES = (BARRIERS, INTERVENTION, DESIRED)
 FORCES, COMMANDS = 'ground_forces', 'joint_commands'
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.errors import BagError, LayeredCbfError
-from layered_cbf_ros.node_topics import ONE_OF_A_KIND, PER_ROBOT
+from layered_cbf_ros.node_topics import ONE_OF_A_KIND, PER_ROBOT, SCENARIO
 from layered_cbf_ros.parameters import from_mapping
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_checks import SETTLED
@@ -19,7 +19,6 @@ from layered_cbf_ros.scenario_file import from_json
 from layered_cbf_ros.timing import TimingParameters
 
 P = TypeVar('P')
-SCENARIO = '/scenario'
 Values = Mapping[str, Any]
 
 

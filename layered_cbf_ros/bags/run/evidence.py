@@ -8,25 +8,23 @@ import numpy as np
 
 from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.run import measures
+from layered_cbf_ros.bags.run.message_form import EFFORT, POSITION
 from layered_cbf_ros.bags.run.run_record import RunRecord
-from layered_cbf_ros.bags.run.topics import (
-    CLEARANCE,
-    DIAGNOSTICS,
-    EFFORT,
-    OBSTACLES,
-    PLAN,
-    POSITION,
-    SCENARIO,
-    STATE,
-)
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
+from layered_cbf_ros.node_topics import (
+    CLEARANCE,
+    DIAGNOSTICS,
+    PER_ROBOT,
+    PLAN,
+    SCENARIO,
+    STATE,
+    TRUTH,
+)
 from layered_cbf_ros.scenario import Scenario
 
 LONGEST_GAP = 0.1
 """Longest time without a message of a topic that proves something [s]."""
-
-ROBOT_NODES = ('ground_force_mpc', 'whole_body_controller')
 
 
 def missing_evidence(record: RunRecord) -> list[str]:
@@ -100,7 +98,7 @@ def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
     expected = len(scenario.obstacles)
     found = 0 if record.obstacles is None else record.obstacles.positions.shape[1]
     if expected != found:
-        reasons.append(f'{OBSTACLES} has {found} obstacles, the scenario {expected}')
+        reasons.append(f'{TRUTH} has {found} obstacles, the scenario {expected}')
     if record.clearance is None:
         return reasons
     others = [obstacle.name for obstacle in scenario.obstacles]
@@ -120,7 +118,7 @@ def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
 def _missing_nodes(record: RunRecord, scenario: Scenario) -> list[str]:
     """Check that every controller told how its solver fared."""
     nodes = ['/coordinator']
-    nodes += [f'/{robot.name}/{node}' for robot in scenario.robots for node in ROBOT_NODES]
+    nodes += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
     return [
         f'no {DIAGNOSTICS} of {node}: its solver failures are not known'
         for node in nodes

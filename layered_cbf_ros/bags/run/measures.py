@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.bags.run.message_form import POSITION
 from layered_cbf_ros.bags.run.motions import RobotMotion
 from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.bags.run.series import Series
-from layered_cbf_ros.bags.run.topics import POSITION
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.robot_model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
 from layered_cbf_ros.scenario import Scenario

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.messages.cdr import STAMP_OFFSET, TEXT_OFFSET, CdrReader
 
+POSITION, VELOCITY, EFFORT = range(3)
+"""Fields of a JointState, in this order."""
+
 
 @dataclass(frozen=True, slots=True)
 class MessageForm:

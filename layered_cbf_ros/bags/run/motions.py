@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.bags.run.message_form import EFFORT, POSITION, VELOCITY
 from layered_cbf_ros.bags.run.series import Series
-from layered_cbf_ros.bags.run.topics import EFFORT, POSITION, VELOCITY
 from layered_cbf_ros.interfaces import Array
 from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, state_names
 

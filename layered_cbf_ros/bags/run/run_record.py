@@ -20,16 +20,6 @@ from layered_cbf_ros.bags.run.series import (
     Series,
     SeriesBuilder,
 )
-from layered_cbf_ros.bags.run.topics import (
-    BARRIERS,
-    CLEARANCE,
-    DIAGNOSTICS,
-    INTERVENTION,
-    OBSTACLES,
-    PLAN,
-    SCENARIO,
-    STATE,
-)
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.opening import open_bag
@@ -37,6 +27,16 @@ from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.messages.cdr import stamp_of
+from layered_cbf_ros.node_topics import (
+    BARRIERS,
+    CLEARANCE,
+    DIAGNOSTICS,
+    INTERVENTION,
+    PLAN,
+    SCENARIO,
+    STATE,
+    TRUTH,
+)
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import from_json
 
@@ -102,7 +102,7 @@ class RunGatherer:
             BARRIERS: JointTrajectories(),
             INTERVENTION: JointTrajectories(),
         }
-        self.topics = frozenset((*self._series, OBSTACLES, SCENARIO, DIAGNOSTICS))
+        self.topics = frozenset((*self._series, TRUTH, SCENARIO, DIAGNOSTICS))
         self._health = NodeHealth()
         self._scenario: Scenario | None = None
         self._unreadable: dict[str, int] = {}
@@ -169,7 +169,7 @@ class RunGatherer:
             self._scenario = from_json(message.data)
         elif topic == DIAGNOSTICS:
             self._health.add(message, self._state_ns)
-        elif topic == OBSTACLES:
+        elif topic == TRUTH:
             stamp = message.header.stamp
             row = [(pose.position.x, pose.position.y) for pose in message.poses]
             self._obstacles[stamp.sec * NS_PER_S + stamp.nanosec] = np.reshape(row, (-1, 2))
