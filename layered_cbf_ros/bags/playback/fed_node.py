@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from layered_cbf_ros.bags.recorded_scenario import recorded_scenario
 from layered_cbf_ros.bags.storage.bag import Bag
-from layered_cbf_ros.bags.storage.decoding import MessageDecoder
-from layered_cbf_ros.errors import BagError, LayeredCbfError, ScenarioError
+from layered_cbf_ros.errors import BagError, LayeredCbfError
 from layered_cbf_ros.node_topics import (
     DETECTIONS,
     PLAN,
-    SCENARIO,
     STATE,
     TRACKED,
     TRACKS,
     inputs_of,
 )
-from layered_cbf_ros.scenario import Scenario
-from layered_cbf_ros.scenario_file import from_json
 
 JOINTS, POSES = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PoseArray'
 
@@ -69,7 +66,10 @@ def fed_node(node: str, bag: Bag) -> FedNode:
     Raises:
         BagError: If there is no such node in the run, or the bag lacks its leading input.
     """
-    scenario = _scenario(bag)
+    try:
+        scenario = recorded_scenario(bag)
+    except BagError as error:
+        raise BagError(f'--inputs-of: {error}, or name the topics with --topics') from None
     robots = [robot.name for robot in scenario.robots]
     try:
         wanted = inputs_of(node, robots)
@@ -99,22 +99,3 @@ def _outputs(name: str, robots: int) -> tuple[Output, ...]:
         return Output(STATE, JOINTS, 2 * robots + 1), Output(DETECTIONS, POSES, 1)
     topic = 'ground_forces' if kind == 'ground_force_mpc' else 'joint_commands'
     return (Output(f'{robot}/{topic}', JOINTS, 1),)
-
-
-def _scenario(bag: Bag) -> Scenario:
-    """Return what was run.
-
-    Raises:
-        BagError: If the bag doesn't tell.
-    """
-    if SCENARIO not in bag.topics:
-        raise BagError(
-            f'--inputs-of: {bag.path} has no {SCENARIO} that names the robots; name the topics '
-            'with --topics instead'
-        )
-    for record in bag.records([SCENARIO]):
-        try:
-            return from_json(MessageDecoder().decode(record).data)
-        except ScenarioError as error:
-            raise BagError(f'--inputs-of: {SCENARIO} in {bag.path}: {error}') from None
-    raise BagError(f'--inputs-of: {SCENARIO} in {bag.path} is silent; use --topics instead')

@@ -12,6 +12,7 @@ from layered_cbf_ros.bags.resolving.plan_measures import Extreme, PlanMeasures
 from layered_cbf_ros.bags.resolving.recorded_tracks import track_radius
 from layered_cbf_ros.bags.resolving.rows import Content, Row, RowReader
 from layered_cbf_ros.bags.resolving.ticks import Tick
+from layered_cbf_ros.bags.run.node_health import NodeHealth
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
@@ -47,30 +48,23 @@ class Comparer:
             self.comparisons[topic].take_resolved(content)
 
 
-class FailureCounter:
-    """Counts the solver failures that nodes told of in /diagnostics, restarts included."""
+class HealthListener:
+    """Hears what nodes told of themselves on /diagnostics."""
 
     topics = frozenset((DIAGNOSTICS,))
 
     def __init__(self) -> None:
         self._decoder = MessageDecoder()
-        self._last: dict[str, int] = {}
-        self._before: dict[str, int] = {}
+        self._health = NodeHealth()
 
-    def of(self, node: str) -> int | None:
-        """Return the failures of a node, None if it told nothing."""
-        last = self._last.get(node)
-        return None if last is None else last + self._before.get(node, 0)
+    def solver_failures(self, node: str) -> int | None:
+        """Return the failures of a node and its restarts, None if it told nothing."""
+        told = self._health.totals().get(f'/{node}')
+        return None if told is None else told['solver_failures']
 
     def recorded(self, record: Record) -> None:
-        """Take a diagnostic message; a counter that falls back tells of a restart."""
-        for status in self._decoder.decode(record).status:
-            counts = [entry.value for entry in status.values if entry.key == 'solver_failures']
-            if counts and counts[0].isdigit():
-                node, count = status.name.strip('/'), int(counts[0])
-                if count < self._last.get(node, 0):
-                    self._before[node] = self._before.get(node, 0) + self._last[node]
-                self._last[node] = count
+        """Take a diagnostic message."""
+        self._health.add(self._decoder.decode(record), None)
 
     def resolved(self, topic: str, content: Content, tick: Tick) -> None:
         """Do nothing."""
@@ -98,7 +92,6 @@ class PlanWatch:
         self._scenario = scenario
         self._old = PlanMeasures(scenario, recorded)
         self._new = PlanMeasures(scenario, core.parameters)
-        self._core = core
         bodies = TRUTH if TRUTH in bag_topics else TRACKS
         self.topics = frozenset((*MEASURED, bodies))
         self._readers = {topic: RowReader(topic) for topic in (*MEASURED, TRACKS)}

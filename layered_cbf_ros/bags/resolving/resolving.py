@@ -13,7 +13,7 @@ from typing import Any
 
 from layered_cbf_ros.bags.resolving.coordinator_core import CoordinatorCore
 from layered_cbf_ros.bags.resolving.cores import Core, ForceCore, TorqueCore, TrackerCore
-from layered_cbf_ros.bags.resolving.listeners import Comparer, FailureCounter, PlanWatch
+from layered_cbf_ros.bags.resolving.listeners import Comparer, HealthListener, PlanWatch
 from layered_cbf_ros.bags.resolving.replaying import Listener, resolve
 from layered_cbf_ros.bags.resolving.results import (
     NodeResult,
@@ -108,16 +108,16 @@ def resolved_in_one_pass(
     bag = open_bag(question.bag)
     cores = [core_of(question, node) for node in nodes]
     comparer = Comparer([topic for core in cores for topic in core.outputs], list(bag.topics))
-    failures = FailureCounter()
+    health = HealthListener()
     watches = {
         core.node: _watch(question.setup, core, list(bag.topics))
         for core in cores
         if question.what_if and isinstance(core, CoordinatorCore)
     }
     seats = [seat_of(core, question.setup.scenario) for core in cores]
-    resolve(bag, seats, [comparer, failures, *watches.values(), *extra])
+    resolve(bag, seats, [comparer, health, *watches.values(), *extra])
     found = (
-        _result(question, seat, comparer, failures, watches.get(seat.core.node)) for seat in seats
+        _result(question, seat, comparer, health, watches.get(seat.core.node)) for seat in seats
     )
     return Findings(tuple(found), bag.truncated)
 
@@ -148,11 +148,11 @@ def _result(
     question: Question,
     seat: Seat,
     comparer: Comparer,
-    failures: FailureCounter,
+    health: HealthListener,
     watch: PlanWatch | None,
 ) -> NodeResult:
     core, tally = seat.core, seat.core.tally
-    recorded_failures = failures.of(core.node)
+    recorded_failures = health.solver_failures(core.node)
     topics = tuple(
         topic_result(comparer.comparisons[topic])
         if topic in comparer.comparisons

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from layered_cbf_ros.bags.recorded_scenario import recorded_scenario
 from layered_cbf_ros.bags.storage.bag import Bag
-from layered_cbf_ros.bags.storage.decoding import MessageDecoder
-from layered_cbf_ros.errors import BagError, LayeredCbfError
+from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.node_topics import ONE_OF_A_KIND, PER_ROBOT, SCENARIO
 from layered_cbf_ros.parameters import from_mapping
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_checks import SETTLED
-from layered_cbf_ros.scenario_file import from_json
 from layered_cbf_ros.timing import TimingParameters
 
 P = TypeVar('P')
@@ -115,13 +113,4 @@ def read_setup(bag: Bag) -> RunSetup:
     Raises:
         BagError: If there is none, or it isn't one.
     """
-    if SCENARIO in bag.topics:
-        for record in bag.records({SCENARIO}):
-            try:
-                return RunSetup(from_json(MessageDecoder().decode(record).data))
-            except (LayeredCbfError, json.JSONDecodeError) as error:
-                raise BagError(f'{SCENARIO} of {bag.path} is spoilt: {error}') from None
-    raise BagError(
-        f'{bag.path} has no {SCENARIO}: which robots there were and how the nodes were set up '
-        'is not known; record this topic too'
-    )
+    return RunSetup(recorded_scenario(bag))
