@@ -47,6 +47,12 @@ def parameter(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def described(field: dataclasses.Field[Any]) -> str:
+    """Return what a parameter is, with its unit, for a person."""
+    unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
+    return f'{field.metadata["description"]}{unit}'
+
+
 def from_mapping(cls: type[P], values: Mapping[str, Any]) -> P:
     """Build a parameter dataclass, checking names, types and ranges.
 
@@ -73,12 +79,28 @@ def from_file(cls: type[P], path: Path, node: str) -> P:
     Raises:
         ParameterError: If the file has no such node or a value is wrong.
     """
-    content = yaml.safe_load(path.read_text())
+    content = read_parameter_file(path)
+    if node not in content:
+        raise ParameterError(f'{path.name}: no entry {node}: ros__parameters:')
+    return from_mapping(cls, content[node])
+
+
+def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
+    """Return what a ROS parameter file says, by node.
+
+    Raises:
+        ParameterError: If it can't be read or has another form.
+    """
     try:
-        values = content[node]['ros__parameters']
-    except (KeyError, TypeError):
-        raise ParameterError(f'{path.name}: no entry {node}: ros__parameters:') from None
-    return from_mapping(cls, values)
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        return {str(node): dict(entry['ros__parameters']) for node, entry in content.items()}
+    except OSError as error:
+        raise ParameterError(f'{path} cannot be read: {error.strerror}') from None
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+        raise ParameterError(
+            f'{path} is no parameter file; its form is '
+            '`<node>: {ros__parameters: {<name>: <value>}}`'
+        ) from None
 
 
 def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Any:

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.parameters import parameter
+from layered_cbf_ros.scenario import Scenario
 
 LOCKSTEP, REAL_TIME = 'lockstep', 'real_time'
 
@@ -62,6 +64,17 @@ class TimingParameters:
     def detection_delay_periods(self) -> int:
         """Return the age of sent detections in their periods."""
         return round(self.detection_delay * self.detection_rate)
+
+
+def timing_values(scenario: Scenario) -> dict[str, Any]:
+    """Return the timing parameters that a scenario settles for all nodes of its run."""
+    return {
+        'time': scenario.time,
+        'state_rate': scenario.rates.state,
+        'plan_rate': scenario.rates.plan,
+        'detection_rate': scenario.rates.detections,
+        'detection_delay': scenario.world.detections.delay,
+    }
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 
 from layered_cbf_ros.errors import ParameterError
-from layered_cbf_ros.parameters import from_mapping
+from layered_cbf_ros.parameters import described, from_mapping
 
 P = TypeVar('P')
 
@@ -34,9 +34,8 @@ def declare(node: Node, cls: type[P]) -> P:
 
 def _descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     meta = field.metadata
-    unit = f' [{meta["unit"]}]' if meta['unit'] else ''
     descriptor = ParameterDescriptor(
-        description=meta['description'] + unit,
+        description=described(field),
         additional_constraints=', '.join(meta['choices']),
         read_only=True,
     )

@@ -9,8 +9,8 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
 from layered_cbf_ros.bags.storage.metadata import INFINITE, qos_list, qos_profile
+from layered_cbf_ros.interfaces import NS_PER_S
 
-NS_PER_S = 1_000_000_000
 HISTORIES = {QoSHistoryPolicy.KEEP_LAST: 'keep_last', QoSHistoryPolicy.KEEP_ALL: 'keep_all'}
 
 

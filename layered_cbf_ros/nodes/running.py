@@ -18,6 +18,7 @@ from layered_cbf_ros.errors import (
 )
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
 from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.parameters import described
 
 EXIT_ERROR = 2
 
@@ -57,6 +58,5 @@ def help_text(node_class: Callable[[], object]) -> str:
     lines = [purpose, '', f'usage: {name} --ros-args [-r __ns:=/ROBOT] [-p NAME:=VALUE] ...', '']
     for cls in NODE_PARAMETERS.get(name, ()):
         for field in dataclasses.fields(cls):
-            unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
-            lines.append(f'  {field.name}: {field.metadata["description"]}{unit} = {field.default}')
+            lines.append(f'  {field.name}: {described(field)} = {field.default}')
     return '\n'.join(lines)

@@ -12,7 +12,7 @@ from layered_cbf_ros.node_topics import TRACKED, TRACKS
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.inputs import Input
 from layered_cbf_ros.nodes.transport import TRACK_DEPTH, decoded
-from layered_cbf_ros.perception.known_tracks import NewestTracks, TracksByStamp
+from layered_cbf_ros.perception.known_tracks import NewestTracks, TracksByStamp, track_radius
 from layered_cbf_ros.scenario import Scenario
 
 SENDER = '/obstacle_tracker'
@@ -28,7 +28,7 @@ class TrackInput:
 
     def __init__(self, node: GraphNode, scenario: Scenario) -> None:
         self._node = node
-        self._radius = max(obstacle.radius for obstacle in scenario.obstacles)
+        self._radius = track_radius(scenario)
         self._odometry = node.reader(Odometry, TRACKS, TRACK_DEPTH)
         self._announcements = node.reader(PoseArray, TRACKED)
         self._counts = Input(node, self._announcements, node.rules.tracks, count_points, SENDER)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from operator import itemgetter
 
 from layered_cbf_ros.interfaces import NS_PER_S, Track
+from layered_cbf_ros.scenario import Scenario
 
 FUTURE_NS = NS_PER_S // 10
 """A stamp farther ahead is wrong [ns]."""
@@ -14,6 +15,11 @@ GONE_NS = NS_PER_S // 2
 
 FORGOTTEN_NS = 60 * NS_PER_S
 """A track that nobody speaks of for so long is gone too [ns]."""
+
+
+def track_radius(scenario: Scenario) -> float:
+    """Return the radius of every track [m]: who is seen isn't known, so that of the largest."""
+    return max((obstacle.radius for obstacle in scenario.obstacles), default=0.0)
 
 
 class TracksByStamp:

@@ -11,10 +11,11 @@ import yaml
 
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
-from layered_cbf_ros.parameters import from_mapping
+from layered_cbf_ros.parameters import from_mapping, read_parameter_file
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_checks import SETTLED, problems
 from layered_cbf_ros.supervision.process_plan import PLANT, RECORDER, node_names
+from layered_cbf_ros.timing import timing_values
 
 Values = dict[str, Any]
 
@@ -27,13 +28,7 @@ def read_defaults(folder: Path) -> dict[str, Values]:
     """
     defaults: dict[str, Values] = {}
     for file in sorted(folder.glob('*.yaml')):
-        try:
-            content = yaml.safe_load(file.read_text(encoding='utf-8'))
-            defaults |= {node: dict(entry['ros__parameters']) for node, entry in content.items()}
-        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
-            raise ParameterError(
-                f'{file}: not a parameter file; its form is `node: {{ros__parameters: ...}}`'
-            ) from None
+        defaults |= read_parameter_file(file)
     return defaults
 
 
@@ -82,13 +77,8 @@ def run_parameters(
         ParameterError: If a name is unknown or a value out of its range.
     """
     names = node_names(scenario, bag is not None)
-    rates = scenario.rates
     common = {
-        'time': scenario.time,
-        'state_rate': rates.state,
-        'plan_rate': rates.plan,
-        'detection_rate': rates.detections,
-        'detection_delay': scenario.world.detections.delay,
+        **timing_values(scenario),
         'recorded': bag is not None,
         'scenario': str(scenario_file),
     }

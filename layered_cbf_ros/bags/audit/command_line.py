@@ -37,12 +37,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = OneLineParser(
-        prog='audit',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = OneLineParser('audit', DESCRIPTION, EPILOG)
     parser.add_argument('bag', type=Path, metavar='BAG', help="a bag's or a run's folder, a file")
     add_json_option(parser)
     parser.add_argument(

@@ -8,7 +8,7 @@ from typing import Any
 
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.scenario import Scenario
-from layered_cbf_ros.timing import TimingParameters
+from layered_cbf_ros.timing import TimingParameters, timing_values
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,13 +87,7 @@ def parameters_of(scenario: Scenario) -> RunParameters:
 
 def timing_of(scenario: Scenario) -> TimingParameters:
     """Return the rates of a scenario, from which the input rules follow."""
-    return TimingParameters(
-        time=scenario.time,
-        state_rate=scenario.rates.state,
-        plan_rate=scenario.rates.plan,
-        detection_rate=scenario.rates.detections,
-        detection_delay=scenario.world.detections.delay,
-    )
+    return TimingParameters(**timing_values(scenario))
 
 
 class _Node:

@@ -156,12 +156,7 @@ def _selection(options: argparse.Namespace) -> Selection:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = OneLineParser(
-        prog='inspect',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = OneLineParser('inspect', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('bag', type=Path, metavar='BAG', help="a bag's or a run's folder, an mcap or db3 file")
     add('--topic', nargs='+', default=[], metavar='T', help='print (or export) its messages')

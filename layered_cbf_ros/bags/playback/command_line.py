@@ -101,12 +101,7 @@ def parse(arguments: Sequence[str]) -> Options:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = OneLineParser(
-        prog='replay',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = OneLineParser('replay', DESCRIPTION, EPILOG)
     parser.add_argument('bag', type=Path, metavar='BAG', help="a bag's or a run's folder, a file")
     _add_topics(parser)
     _add_times(parser)

@@ -8,12 +8,12 @@ from typing import Any
 
 import yaml
 
+from layered_cbf_ros.bags.storage.metadata import INFINITE
 from layered_cbf_ros.bags.storage.topic import Topic
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
 
 DEFAULT_DEPTH = 10
-FOREVER_S = 9223372036  # how rosbag2 writes a duration without end; 0 means the same
 # rosbag2 wrote numbers before it wrote words
 RELIABILITIES = {1: 'reliable', 2: 'best_effort'}
 DURABILITIES = {1: 'transient_local', 2: 'volatile'}
@@ -107,4 +107,4 @@ def _nanoseconds(duration: Mapping[str, int] | str | None) -> int:
     if not isinstance(duration, Mapping):  # 'infinite', 'default', or nothing
         return 0
     seconds, nanoseconds = int(duration.get('sec', 0)), int(duration.get('nsec', 0))
-    return 0 if seconds >= FOREVER_S else seconds * NS_PER_S + nanoseconds
+    return 0 if seconds >= INFINITE['sec'] else seconds * NS_PER_S + nanoseconds

@@ -10,10 +10,10 @@ import argparse
 import dataclasses
 import json
 from collections.abc import Sequence
-from typing import Any
 
 from layered_cbf_ros.bags.recording.parameters import RecorderParameters
 from layered_cbf_ros.bags.storage.presets import PRESETS
+from layered_cbf_ros.parameters import described
 
 ROS_ARGUMENTS, END_OF_THEM = '--ros-args', '--'
 DESCRIPTION = 'Record topics into a bag, and count what is lost on the way. Ctrl-C ends it.'
@@ -90,9 +90,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _parameter_lines() -> list[str]:
     """Return one line for each parameter."""
-    lines = []
-    for field in dataclasses.fields(RecorderParameters):
-        meta: Any = field.metadata
-        unit = f' [{meta["unit"]}]' if meta['unit'] else ''
-        lines.append(f'  {field.name}: {meta["description"]}{unit} = {field.default!r}')
-    return lines
+    return [
+        f'  {field.name}: {described(field)} = {field.default!r}'
+        for field in dataclasses.fields(RecorderParameters)
+    ]

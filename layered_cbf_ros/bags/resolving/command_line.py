@@ -48,12 +48,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = OneLineParser(
-        prog='re_solve',
-        description=DESCRIPTION,
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = OneLineParser('re_solve', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('bag', type=Path, metavar='BAG', help="a bag's or a run's folder, or a file")
     add(

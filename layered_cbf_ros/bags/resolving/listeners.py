@@ -9,7 +9,6 @@ from layered_cbf_ros.bags.resolving.comparison import Comparison
 from layered_cbf_ros.bags.resolving.coordinator_core import CoordinatorCore
 from layered_cbf_ros.bags.resolving.distances import Point
 from layered_cbf_ros.bags.resolving.plan_measures import Extreme, PlanMeasures
-from layered_cbf_ros.bags.resolving.recorded_tracks import track_radius
 from layered_cbf_ros.bags.resolving.rows import Content, Row, RowReader
 from layered_cbf_ros.bags.resolving.ticks import Tick
 from layered_cbf_ros.bags.run.node_health import NodeHealth
@@ -20,6 +19,7 @@ from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.tracks import points_from
 from layered_cbf_ros.node_topics import BARRIERS, DIAGNOSTICS, INTERVENTION, PLAN, TRACKS, TRUTH
+from layered_cbf_ros.perception.known_tracks import track_radius
 from layered_cbf_ros.scenario import Scenario
 
 MEASURED = (PLAN, BARRIERS, INTERVENTION)

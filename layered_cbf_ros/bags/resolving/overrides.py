@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from layered_cbf_ros.bags.resolving.run_setup import RunSetup, Values
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS, parameter_names
+from layered_cbf_ros.parameters import read_parameter_file
 from layered_cbf_ros.timing import TimingParameters
 from layered_cbf_ros.yaml_entry import suggestion
 
@@ -19,7 +18,6 @@ OF_THE_RUN = frozenset(('scenario', 'recorded', 'state_topic', 'output', 'wait_f
 """What a run's own parameter file has besides gains."""
 
 OTHER_NODES = frozenset(('simulator', 'recorder'))
-FORM = '`<node>: {ros__parameters: {<name>: <value>}}`'
 
 
 def with_changes(setup: RunSetup, file: Path, nodes: Sequence[str]) -> RunSetup:
@@ -36,7 +34,7 @@ def with_changes(setup: RunSetup, file: Path, nodes: Sequence[str]) -> RunSetup:
             what can't be changed afterwards.
     """
     changes: dict[str, dict[str, Any]] = {}
-    for given, values in _read(file).items():
+    for given, values in read_parameter_file(file).items():
         name = given.strip('/')
         kind = name.rpartition('/')[2]
         chosen = [node for node in setup.nodes if name in (node, node.rpartition('/')[2])]
@@ -50,16 +48,6 @@ def with_changes(setup: RunSetup, file: Path, nodes: Sequence[str]) -> RunSetup:
     if not asked:
         raise ParameterError(f'{file} says nothing of {", ".join(nodes)}; name one of its nodes')
     return dataclasses.replace(setup, changes=asked)
-
-
-def _read(file: Path) -> dict[str, Values]:
-    try:
-        content = yaml.safe_load(file.read_text(encoding='utf-8'))
-        return {str(node): dict(entry['ros__parameters']) for node, entry in content.items()}
-    except OSError as error:
-        raise ParameterError(f'{file} cannot be read: {error.strerror}') from None
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
-        raise ParameterError(f'{file} is no parameter file; its form is {FORM}') from None
 
 
 def _checked(setup: RunSetup, node: str, file: Path, values: Values) -> Values:

@@ -12,7 +12,7 @@ from layered_cbf_ros.interfaces import Track
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.tracks import points_from, track_from
 from layered_cbf_ros.node_topics import TRACKS
-from layered_cbf_ros.perception.known_tracks import NewestTracks, TracksByStamp
+from layered_cbf_ros.perception.known_tracks import NewestTracks, TracksByStamp, track_radius
 from layered_cbf_ros.scenario import Scenario
 
 
@@ -73,8 +73,3 @@ class ArrivedTracks:
             else:
                 self._newest.announce(told, stamp_ns)
         return self._newest.at(stamp_ns)
-
-
-def track_radius(scenario: Scenario) -> float:
-    """Return the radius that the coordinator gives to every track [m]."""
-    return max((obstacle.radius for obstacle in scenario.obstacles), default=0.0)

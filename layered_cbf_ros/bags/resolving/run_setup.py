@@ -14,7 +14,7 @@ from layered_cbf_ros.node_topics import ONE_OF_A_KIND, PER_ROBOT, SCENARIO
 from layered_cbf_ros.parameters import from_mapping
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_checks import SETTLED
-from layered_cbf_ros.timing import TimingParameters
+from layered_cbf_ros.timing import TimingParameters, timing_values
 
 P = TypeVar('P')
 Values = Mapping[str, Any]
@@ -64,14 +64,7 @@ class RunSetup:
         Raises:
             BagError: If the scenario doesn't tell.
         """
-        scenario = self.scenario
-        settled = {
-            'time': scenario.time,
-            'state_rate': scenario.rates.state,
-            'plan_rate': scenario.rates.plan,
-            'detection_rate': scenario.rates.detections,
-            'detection_delay': scenario.world.detections.delay,
-        }
+        settled = timing_values(self.scenario)
         return from_mapping(TimingParameters, {**self._recorded(node, TimingParameters), **settled})
 
     def parameters(self, node: str, cls: type[P]) -> P:
