@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from layered_cbf_ros.nodes.transport import PROFILES
 from layered_cbf_ros.resources import find_folder
 
 # Domains up to 101 are safe on every system; by process, so that runs don't meet.
@@ -23,7 +24,7 @@ ENVIRONMENT = os.environ | {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     'OMP_NUM_THREADS': '1',
     # As the supervisor gives to every node: who is there is found out in a moment.
-    'FASTRTPS_DEFAULT_PROFILES_FILE': str(find_folder('params') / 'fast_dds.xml'),
+    PROFILES: str(find_folder('params') / 'fast_dds.xml'),
 }
 LIMIT_S = 30.0
 

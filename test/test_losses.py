@@ -11,9 +11,9 @@ from layered_cbf_ros.bags.recording.command_line import ros_arguments
 from layered_cbf_ros.bags.recording.losses import NOTE, TopicLosses, note_of, read_losses, summary
 from layered_cbf_ros.bags.recording.parameters import RecorderParameters
 from layered_cbf_ros.bags.recording.progress import TopicProgress, recorded_up_to
-from layered_cbf_ros.bags.recording.selection import TopicSelection
 from layered_cbf_ros.bags.recording.sequence_counter import SequenceCounter
 from layered_cbf_ros.bags.recording.topic_counter import TopicCounter, counter_for
+from layered_cbf_ros.bags.topic_selection import TopicSelection
 from layered_cbf_ros.errors import BagError, ParameterError
 from layered_cbf_ros.messages.joint_state import JointStateWriter
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import time
@@ -36,10 +35,8 @@ from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages import standard
 from layered_cbf_ros.nodes.replay_partners import Partners, wait_for_readers
 from layered_cbf_ros.nodes.replay_publishers import ReplayPublishers
-from layered_cbf_ros.nodes.transport import reliable
-from layered_cbf_ros.resources import find_folder
+from layered_cbf_ros.nodes.transport import find_each_other_fast, reliable
 
-PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 ROS_ARGUMENTS = '--ros-args'
 KEYS_NS = 20_000_000
 SWITCH_S = 0.0005  # how long the thread that reads the bag may keep a message waiting
@@ -189,7 +186,7 @@ def replay(arguments: Sequence[str]) -> int:
     bag = open_bag(options.bag)
     plan = plan_replay(bag, options)
     sys.setswitchinterval(SWITCH_S)
-    os.environ.setdefault(PROFILES, str(find_folder('params') / 'fast_dds.xml'))
+    find_each_other_fast()
     rclpy.init(args=list(arguments[at:]), signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = Node('replay', enable_rosout=False, start_parameter_services=False)

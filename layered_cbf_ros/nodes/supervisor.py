@@ -14,7 +14,7 @@ from rclpy.utilities import remove_ros_args
 
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.nodes.graph_news import GraphNews
-from layered_cbf_ros.resources import find_folder
+from layered_cbf_ros.nodes.transport import find_each_other_fast
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import load_scenario, with_overrides
 from layered_cbf_ros.supervision import shared_memory
@@ -31,7 +31,6 @@ from layered_cbf_ros.timing import REAL_TIME
 PERIOD_S = 0.05
 STATUS_S = 1.0
 EXIT_ERROR = 2
-PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 
 
 class Run:
@@ -157,7 +156,7 @@ def main() -> None:
     """Run the supervisor."""
     options = parse(remove_ros_args(sys.argv)[1:])
     try:
-        os.environ.setdefault(PROFILES, str(find_folder('params') / 'fast_dds.xml'))
+        find_each_other_fast()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         code = supervise(options)
     except LayeredCbfError as error:

@@ -20,6 +20,7 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from layered_cbf_ros.errors import MessageError
+from layered_cbf_ros.resources import find_folder
 
 M = TypeVar('M')
 RELIABLE_DEPTH = 32
@@ -28,6 +29,15 @@ TRACK_DEPTH = 256  # several stamps of many tracks, each a message of its own
 RESEND_DEPTH = 8  # beyond the largest latency of any input, counted in its messages
 RESEND_PAUSE_NS = 20_000_000
 DELIVERY = Duration(seconds=0.1)
+PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+
+
+def find_each_other_fast() -> None:
+    """Announce this process often at its start; to be called before ROS is initialised.
+
+    Whoever has set a profile of his own keeps it.
+    """
+    os.environ.setdefault(PROFILES, str(find_folder('params') / 'fast_dds.xml'))
 
 
 def reliable(depth: int = RELIABLE_DEPTH) -> QoSProfile:

@@ -26,8 +26,7 @@ from layered_cbf_ros.bags.storage.reader import BagReader
 from layered_cbf_ros.interfaces import JOINT_NAMES
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.messages.joint_state import JointStateWriter
-from layered_cbf_ros.nodes.transport import Reader
-from layered_cbf_ros.resources import find_folder
+from layered_cbf_ros.nodes.transport import Reader, find_each_other_fast
 from layered_cbf_ros.supervision.status import processor_time
 
 TOPICS = ('/state', *(f'/topic_{k}' for k in range(1, 20)))
@@ -36,7 +35,6 @@ SECONDS = 5.0
 WINDOW = 60  # ticks that the sender may be ahead of the recorder in lockstep, as the simulator
 DEPTH = 128  # as of the nodes of a run
 PATIENCE = 30.0
-PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'  # as the supervisor gives to every node
 RECORD = 'from layered_cbf_ros.nodes.recorder import main; main()'
 
 
@@ -109,7 +107,7 @@ def recorded(lockstep: bool) -> Figures:
     Args:
         lockstep: The sender waits for the recorder, and for nothing else.
     """
-    os.environ.setdefault(PROFILES, str(find_folder('params') / 'fast_dds.xml'))
+    find_each_other_fast()  # as every node of a run
     context = rclpy.Context()
     rclpy.init(context=context)
     sender = Sender(context)

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from layered_cbf_ros.bags.command_line import OneLineParser
-from layered_cbf_ros.bags.playback.selection import Selection, full_names, parse_remap
+from layered_cbf_ros.bags.playback.selection import Selection, parse_remap
+from layered_cbf_ros.bags.topic_selection import full_name
 from layered_cbf_ros.errors import BagError
 
 CLOCK_HZ = 40.0
@@ -73,9 +74,9 @@ def parse(arguments: Sequence[str]) -> Options:
     """
     given = _parser().parse_args(arguments)
     selection = Selection(
-        full_names(given.topics),
+        tuple(map(full_name, given.topics)),
         given.regex,
-        full_names(given.exclude_topics),
+        tuple(map(full_name, given.exclude_topics)),
         given.exclude_regex,
         parse_remap(given.remap),
     )

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from layered_cbf_ros.bags.storage.topic import Topic
+from layered_cbf_ros.bags.topic_selection import TopicSelection, full_name
 from layered_cbf_ros.errors import BagError
 
 RULE = ':='
@@ -45,14 +46,14 @@ def select(topics: Mapping[str, Topic], wanted: Selection) -> dict[str, str]:
     _check_known('--topics', wanted.topics, topics)
     _check_known('--exclude-topics', wanted.exclude, topics)
     _check_known('--remap', wanted.remap, topics)
-    limited = bool(wanted.topics or wanted.regex)
-    chosen = [
-        name
-        for name in topics
-        if (not limited or name in wanted.topics or _found(wanted.regex, name))
-        and name not in wanted.exclude
-        and not _found(wanted.exclude_regex, name)
-    ]
+    selection = TopicSelection(
+        frozenset(wanted.topics),
+        wanted.regex,
+        frozenset(wanted.exclude),
+        wanted.exclude_regex,
+        hidden=True,
+    )
+    chosen = [name for name in topics if selection.wants(name)]
     if not chosen:
         raise BagError(f'no topic is left to play of {_listed(topics)}; choose others')
     names = {name: wanted.remap.get(name, name) for name in chosen}
@@ -80,23 +81,10 @@ def parse_remap(rules: Sequence[str]) -> dict[str, str]:
         old, sign, new = rule.partition(RULE)
         if not old.strip('/') or not sign or not re.fullmatch(r'/?\w+(/\w+)*', new):
             raise BagError(f"--remap '{rule}' is no rule; write OLD:=NEW, as /state:=/old/state")
-        if _full(old) in found:
-            raise BagError(f"--remap '{rule}' is the second rule for {_full(old)}; give one")
-        found[_full(old)] = _full(new)
+        if full_name(old) in found:
+            raise BagError(f"--remap '{rule}' is the second rule for {full_name(old)}; give one")
+        found[full_name(old)] = full_name(new)
     return found
-
-
-def full_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return topic names as a bag has them: with a slash in front."""
-    return tuple(_full(name) for name in names)
-
-
-def _full(name: str) -> str:
-    return f'/{name.lstrip("/")}'
-
-
-def _found(regex: str, name: str) -> bool:
-    return bool(regex) and re.search(regex, name) is not None
 
 
 def _check_known(flag: str, names: Collection[str], topics: Mapping[str, Topic]) -> None:

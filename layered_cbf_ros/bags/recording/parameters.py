@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from layered_cbf_ros.bags.recording.selection import TopicSelection
 from layered_cbf_ros.bags.storage.presets import CHUNK_BYTES, PRESETS, Storage
+from layered_cbf_ros.bags.topic_selection import TopicSelection, full_name
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.parameters import parameter
 
@@ -63,9 +63,9 @@ class RecorderParameters:
     def selection(self) -> TopicSelection:
         """Return which topics are recorded."""
         return TopicSelection(
-            frozenset(map(_full_name, self.topics.split())),
+            frozenset(map(full_name, self.topics.split())),
             self.regex,
-            frozenset(map(_full_name, self.exclude_topics.split())),
+            frozenset(map(full_name, self.exclude_topics.split())),
             self.exclude_regex,
         )
 
@@ -79,7 +79,3 @@ class RecorderParameters:
             self.max_bag_duration,
             self.force,
         )
-
-
-def _full_name(topic: str) -> str:
-    return topic if topic.startswith('/') else f'/{topic}'
