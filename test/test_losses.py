@@ -104,6 +104,20 @@ def test_the_simulator_waits_for_the_slowest_topic():
     assert told() == counters['state'].last_ns
 
 
+def test_a_topic_that_stalls_at_its_start_holds_the_sender_back_at_once():
+    """Publishers keep 128 messages: what nobody waits for in the first second is lost."""
+    counters = {name: counter_for('sensor_msgs/msg/JointState') for name in ('state', 'command')}
+    writer, values = JointStateWriter(['a']), [np.zeros(1)] * 3
+    progress = [TopicProgress(counter) for counter in counters.values()]
+    for stamp in range(200):
+        data = writer.encode(stamp * MS, *values)
+        counters['state'].receive(data)
+        if stamp < 3:
+            counters['command'].receive(data)
+        told = recorded_up_to(stamp * MS, progress)
+    assert told < 20 * MS  # the last command is of 2 ms
+
+
 def test_what_a_recorder_notes_is_read_back():
     losses = {'/a': TopicLosses(10, 2, 3, 4, 5), '/b c': TopicLosses(0)}
     assert read_losses({NOTE: note_of(losses)}) == losses
