@@ -5,6 +5,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Collection
 
+import lz4.frame
+import zstandard
+
 from layered_cbf_ros.bags.storage.file_index import ChunkPlace
 from layered_cbf_ros.bags.storage.mcap_packing import packed_chunk, packed_message_index
 from layered_cbf_ros.bags.storage.mcap_records import MESSAGE
@@ -80,6 +83,15 @@ class Chunk:
             len(packed), len(records),
         )  # fmt: skip
         return chunk + indexes, place
+
+
+def compressor(preset: Preset) -> Callable[[bytes], bytes]:
+    """Return what compresses the records of a chunk."""
+    if preset.compression == 'lz4':
+        return lz4.frame.compress
+    if preset.compression == 'zstd':
+        return zstandard.ZstdCompressor(level=preset.level).compress
+    return bytes
 
 
 def message_indexes(entries: dict[int, list[int]], offset: int) -> tuple[bytes, dict[int, int]]:

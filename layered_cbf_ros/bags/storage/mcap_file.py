@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping
 
 from layered_cbf_ros.bags.storage.bag_folder import path_of
-from layered_cbf_ros.bags.storage.chunk import Chunk
+from layered_cbf_ros.bags.storage.chunk import Chunk, compressor
 from layered_cbf_ros.bags.storage.file_index import FileIndex
 from layered_cbf_ros.bags.storage.mcap_packing import (
     packed_beginning,
@@ -50,7 +50,7 @@ class McapFile:
         self.is_finished = False
         self._introductions: list[bytes] = []
         self._preset = preset
-        self._compress: Callable[[bytes], bytes] = preset.compressor()
+        self._compress: Callable[[bytes], bytes] = compressor(preset)
         self._append(packed_beginning())
 
     def introduce(self, number: int, schema: int, topic: RecordedTopic) -> None:

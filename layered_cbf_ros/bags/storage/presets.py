@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-
-import lz4.frame
-import zstandard
 
 from layered_cbf_ros.errors import BagError
 
@@ -27,14 +23,6 @@ class Preset:
     compression: str
     level: int = 0
     checksum: bool = True
-
-    def compressor(self) -> Callable[[bytes], bytes]:
-        """Return what compresses the records of a chunk."""
-        if self.compression == 'lz4':
-            return lz4.frame.compress
-        if self.compression == 'zstd':
-            return zstandard.ZstdCompressor(level=self.level).compress
-        return bytes
 
 
 PRESETS = {

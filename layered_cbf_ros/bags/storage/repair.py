@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from layered_cbf_ros.bags.storage.bag_folder import replace_file
+from layered_cbf_ros.bags.storage.chunk import compressor
 from layered_cbf_ros.bags.storage.file_scan import FileScan, scan_file
 from layered_cbf_ros.bags.storage.mcap_packing import PRIVATE, packed_beginning
 from layered_cbf_ros.bags.storage.mcap_records import RECORD_HEAD
@@ -185,7 +186,7 @@ def _lacking(scan: FileScan, at: int) -> Sequence[bytes]:
     preset = PRESETS['none']
     for chunk in scan.rescued:
         if chunk.size:
-            data, place = chunk.pack(at, preset, preset.compressor())
+            data, place = chunk.pack(at, preset, compressor(preset))
             scan.index.add_chunk(place)
             for channel, span in chunk.spans().items():
                 scan.index.add_messages(channel, *span)
