@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import tracemalloc
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,25 @@ def found_by_mcap(path: Path) -> list[tuple]:
         ]
 
 
+def check_index(path: Path) -> None:
+    """Look at the end of a file as the specification of mcap has it; readers look less hard."""
+    data = path.read_bytes()
+    footer = len(data) - 8 - 29  # head, two offsets and a checksum, before the last magic
+    summary_at, _, checksum = struct.unpack_from('<QQI', data, footer + 9)
+    assert zlib.crc32(data[summary_at : footer + 25]) == checksum
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    for chunk in summary.chunk_indexes:
+        assert data[chunk.chunk_start_offset] == 6
+        at = chunk.chunk_start_offset + chunk.chunk_length
+        ends = [at]
+        for channel, offset in chunk.message_index_offsets.items():
+            opcode, length, found = struct.unpack_from('<BQH', data, offset)
+            assert (opcode, found) == (7, channel)
+            ends.append(offset + 9 + length)
+        assert max(ends) - at == chunk.message_index_length
+
+
 def found_by_rosbags(bag: Path) -> list[tuple]:
     with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         return [
@@ -92,6 +112,16 @@ def decoded(messages: list[tuple]) -> list[tuple]:
     )
 
 
+def cuts_in_indexes(path: Path) -> list[int]:
+    """Return places behind the first of several message indexes of some chunks, and in the next."""
+    with path.open('rb') as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    several = [sorted(c.message_index_offsets.values()) for c in chunks][:6]
+    return [
+        second + more for _, second, *_ in filter(lambda o: len(o) > 1, several) for more in (0, 9)
+    ]
+
+
 WRITERS = {
     'own': write_own,
     'own, not compressed': lambda folder: write_own(folder, 'none'),
@@ -106,7 +136,8 @@ def test_wherever_a_bag_is_cut_all_that_is_whole_is_found_again(tmp_path, writer
     whole = WRITERS[writer](tmp_path / 'whole') / 'whole_0.mcap'
     data = whole.read_bytes()
     rng = np.random.default_rng(5)
-    for length in (0, 8, 30, len(data) - 1, *rng.integers(0, len(data), CUTS).tolist()):
+    within = cuts_in_indexes(whole)
+    for length in (0, 8, 30, len(data) - 1, *within, *rng.integers(0, len(data), CUTS).tolist()):
         bag = tmp_path / f'cut_{length}'
         bag.mkdir(exist_ok=True)
         cut = bag / 'cut_0.mcap'
@@ -118,6 +149,7 @@ def test_wherever_a_bag_is_cut_all_that_is_whole_is_found_again(tmp_path, writer
         assert found_by_us(bag) == expected, length
         assert not reader_of(bag).truncated
         assert found_by_mcap(cut) == expected, length
+        check_index(cut)
         assert found_by_rosbags(bag) == decoded(expected), length
         assert not repair(bag).changed
 
