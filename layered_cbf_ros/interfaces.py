@@ -7,7 +7,8 @@ y left, z up. Quaternions are (x, y, z, w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,9 @@ class PlannedMotion:
         acceleration: Its acceleration [m/s^2], (2,).
         yaw: Planned heading [rad].
         yaw_rate: Its rate [rad/s].
+        height: Planned height of the CoM relative to where it is when the robot
+            stands [m]: 0 to stand or walk, negative to sit down.
+        vertical_velocity: Its rate [m/s].
     """
 
     stamp_ns: int
@@ -65,6 +69,8 @@ class PlannedMotion:
     acceleration: Array
     yaw: float
     yaw_rate: float
+    height: float = 0.0
+    vertical_velocity: float = 0.0
 
     @classmethod
     def standing(cls, stamp_ns: int, position: Array, yaw: float) -> PlannedMotion:
@@ -81,6 +87,8 @@ class PlannedMotion:
             self.acceleration,
             self.yaw + dt * self.yaw_rate,
             self.yaw_rate,
+            self.height + dt * self.vertical_velocity,
+            self.vertical_velocity,
         )
 
     def braked(self, stamp_ns: int, deceleration: float) -> PlannedMotion:
@@ -91,12 +99,13 @@ class PlannedMotion:
             deceleration: Size of the braking acceleration [m/s^2].
 
         Returns:
-            The motion on a straight stopping path; yaw holds at once.
+            The motion on a straight stopping path; yaw and height hold at once.
         """
         dt = (stamp_ns - self.stamp_ns) / NS_PER_S
         speed = float(np.hypot(*self.velocity))
         if speed < 1e-9:
-            return PlannedMotion.standing(stamp_ns, self.position, self.yaw)
+            still = PlannedMotion.standing(stamp_ns, self.position, self.yaw)
+            return replace(still, height=self.height)
         heading = self.velocity / speed
         t = min(dt, speed / deceleration)
         moving = dt < speed / deceleration
@@ -107,6 +116,7 @@ class PlannedMotion:
             -deceleration * heading if moving else np.zeros(2),
             self.yaw,
             0.0,
+            self.height,
         )
 
 
@@ -158,3 +168,23 @@ class Track:
     velocity: Array
     covariance: Array
     radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityCommand:
+    """A velocity asked for from outside.
+
+    Attributes:
+        x, y: Velocity forward and to the left [m/s].
+        yaw_rate: Turning rate [rad/s].
+        leader: Index of the robot whose heading "forward" means; None: the robot's own.
+    """
+
+    x: float
+    y: float
+    yaw_rate: float = 0.0
+    leader: int | None = None
+
+    def is_finite(self) -> bool:
+        """Tell whether every number is finite."""
+        return math.isfinite(self.x + self.y + self.yaw_rate)

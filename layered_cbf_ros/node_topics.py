@@ -12,11 +12,24 @@ TRUTH, CLEARANCE = '/obstacles/truth', '/simulator/clearance'
 BARRIERS, INTERVENTION = '/coordinator/barriers', '/coordinator/intervention'
 DESIRED, BALLS = '/coordinator/desired', '/coordinator/balls'
 SCENARIO, DIAGNOSTICS = '/scenario', '/diagnostics'
+JOY, E_STOP, COMMANDS = '/joy', '/e_stop', '/coordinator/commands'
+MARKERS, TRANSFORMS = '/markers', '/tf'
+PAUSE, STEP = '/simulator/pause', '/simulator/step'  # services
 ONE_OF_A_KIND = {
     'coordinator': (STATE, TRACKS, TRACKED),
     'obstacle_tracker': (DETECTIONS,),
 }
 PER_ROBOT = ('ground_force_mpc', 'whole_body_controller')
+
+
+def cmd_vel(robot: str) -> str:
+    """Return the topic on which a planner asks a robot for a velocity."""
+    return f'/{robot}/cmd_vel'
+
+
+def cmd_vel_safe(robot: str) -> str:
+    """Return the topic on which a robot with its own locomotion is told its safe velocity."""
+    return f'/{robot}/cmd_vel_safe'
 
 
 def inputs_of(node: str, robots: Sequence[str]) -> tuple[str, ...]:

@@ -8,11 +8,11 @@ import pytest
 
 from layered_cbf_ros.coordination import coordinator as coordinator_module
 from layered_cbf_ros.coordination.coordinator import Coordinator
-from layered_cbf_ros.coordination.desired_motion import VelocityCommand, desired_twist
+from layered_cbf_ros.coordination.desired_motion import desired_twist
 from layered_cbf_ros.coordination.exchange import CoordinationInputs
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.coordination.planner_qp import QpStatus
-from layered_cbf_ros.interfaces import Track
+from layered_cbf_ros.interfaces import Track, VelocityCommand
 from layered_cbf_ros.patterns import Circle, Line
 from layered_cbf_ros.scenario import Desired, Robot, VelocityStep, Wall
 

@@ -21,6 +21,7 @@ from layered_cbf_ros.coordination.plan import (
     coasted,
     input_limits,
     motions,
+    seated,
 )
 from layered_cbf_ros.coordination.planner_qp import (
     PlannerQp,
@@ -104,6 +105,8 @@ class Coordinator:
             headings,
             np.zeros(count),
             np.zeros(count, dtype=bool),
+            np.zeros(count),
+            np.zeros(count),
         )
 
     def step(self, state: CoordinationState, inputs: CoordinationInputs) -> CoordinationResult:
@@ -116,24 +119,30 @@ class Coordinator:
         p = self._parameters
         state = coasted(state, inputs.stamp_ns, round(p.longest_gap * NS_PER_S))
         state, rejected_states = alarmed(state, inputs, p)
+        state = seated(state, inputs.stopped, p.sit_speed, p.sit_time)
         tracks, rejected_tracks, left_out = heeded_tracks(
             inputs.tracks, state.positions, p.max_obstacles
         )
         bodies = bodies_at(inputs.stamp_ns, tracks, p)
         target, yaw_rate, rejected_commands = self._wishes(state, inputs, bodies)
-        held = state.frozen | self._standing
+        sits = state.sitting > 0.0
+        held = state.frozen | self._standing | sits
         scene = _scene(state, inputs, target, held, bodies)
         rows, ball_labels = stacked([barrier.rows(scene) for barrier in self._barriers])
         u_desired = desired_input(state.velocities, target, p)
         u_desired[held] = 0.0
         coefficients = rows.coefficients.reshape(len(rows.labels), u_desired.size)
         u, solution = self._filtered(state, u_desired, coefficients, rows.bound, len(tracks))
-        u[held] = 0.0
+        if inputs.stopped or sits.any():  # no swerving any more
+            brake = braking_input(state.velocities, p.stop_brake_time, p.acceleration_limit)
+            braked = (sits | inputs.stopped)[:, None]
+            u = np.where(braked, rounded(brake, p.input_resolution), u)
+        u[state.frozen | self._standing] = 0.0
         turn = (yaw_rate - state.yaw_rates) * self._rate
         turn = np.minimum(np.maximum(turn, -p.yaw_acceleration_limit), p.yaw_acceleration_limit)
         return CoordinationResult(
             state=advanced(state, u, turn, self._period_ns),
-            motions=motions(state, u),
+            motions=motions(state, u, p.sit_depth),
             target=target,
             u=u,
             u_desired=u_desired,
@@ -169,11 +178,13 @@ class Coordinator:
             bad = command is not None and not command.is_finite()
             rejected += bad
             heeded = None if bad else command
+            leader = None if heeded is None else heeded.leader
+            heading = yaw if leader is None else yaws[leader]
             twists.append(
-                desired_twist(robot.desired, heeded, time, place, yaw, others, self._parameters)
+                desired_twist(robot.desired, heeded, time, place, heading, others, self._parameters)
             )
         wishes = np.array(twists) * min(1.0, ramp)
-        wishes[state.frozen | self._standing] = 0.0
+        wishes[state.frozen | self._standing | (state.sitting > 0.0) | inputs.stopped] = 0.0
         return wishes[:, :2], wishes[:, 2], rejected
 
     def _filtered(

@@ -4,33 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
-from layered_cbf_ros.interfaces import Array
+from layered_cbf_ros.interfaces import Array, VelocityCommand
 from layered_cbf_ros.patterns import Pattern
 from layered_cbf_ros.scenario import Desired, VelocityStep
-
-
-@dataclass(frozen=True, slots=True)
-class VelocityCommand:
-    """A velocity asked for from outside, in the robot's heading frame.
-
-    Attributes:
-        x, y: Velocity forward and to the left [m/s].
-        yaw_rate: Turning rate [rad/s].
-    """
-
-    x: float
-    y: float
-    yaw_rate: float = 0.0
-
-    def is_finite(self) -> bool:
-        """Tell whether every number is finite."""
-        return math.isfinite(self.x + self.y + self.yaw_rate)
-
 
 Point = Sequence[float]
 Twist = tuple[float, float, float]  # velocity x, y in the world [m/s], yaw rate [rad/s]

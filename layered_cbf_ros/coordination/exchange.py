@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.coordination.desired_motion import VelocityCommand
 from layered_cbf_ros.coordination.plan import CoordinationState
 from layered_cbf_ros.coordination.planner_qp import QpStatus
-from layered_cbf_ros.interfaces import Array, PlannedMotion, Track
+from layered_cbf_ros.interfaces import Array, PlannedMotion, Track, VelocityCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +24,7 @@ class CoordinationInputs:
         tracks: Everybody else.
         commands: A velocity asked for from outside, or None, for each robot.
         yaws: Measured headings [rad], (N,); NaN where unknown.
+        stopped: The emergency stop: everybody brakes, then sits down.
     """
 
     stamp_ns: int
@@ -34,6 +34,7 @@ class CoordinationInputs:
     tracks: tuple[Track, ...]
     commands: tuple[VelocityCommand | None, ...]
     yaws: Array
+    stopped: bool = False
 
 
 @dataclass(frozen=True, slots=True)

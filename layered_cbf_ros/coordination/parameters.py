@@ -62,6 +62,18 @@ class CoordinatorParameters:
     keep_right_range: float = parameter(
         3.0, 'Distance from which on somebody ahead counts.', 'm', 0.0, 20.0
     )
+    stop_brake_time: float = parameter(
+        0.2, 'Time constant of the brake of an emergency stop.', 's', 0.05, 2.0
+    )
+    sit_speed: float = parameter(
+        0.02, 'Planned speed below which a stopped robot begins to sit down.', 'm/s', 0.001, 0.2
+    )
+    sit_time: float = parameter(
+        2.0, 'Time to sit down after an emergency stop, and to stand up.', 's', 0.5, 10.0
+    )
+    sit_depth: float = parameter(
+        0.17, 'How far the CoM goes down when a robot sits.', 'm', 0.0, 0.25
+    )
     input_resolution: float = parameter(1e-6, 'Inputs are rounded to this.', 'm/s^2', 1e-12, 1e-2)
     solver_accuracy: float = parameter(
         1e-6, 'Absolute accuracy and duality gap of the QP.', '', 1e-12, 1e-2

@@ -26,6 +26,9 @@ class CoordinationState:
         yaws: Planned headings [rad], not wrapped, (N,).
         yaw_rates: Their rates [rad/s], (N,).
         frozen: Plans that wait for their robot after an alarm, (N,).
+        sitting: How far each robot has sat down after an emergency stop: 0 it stands,
+            1 it lies, (N,).
+        sitting_rate: Its rate [1/s], (N,).
     """
 
     stamp_ns: int
@@ -35,6 +38,8 @@ class CoordinationState:
     yaws: Array
     yaw_rates: Array
     frozen: NDArray[np.bool_]
+    sitting: Array
+    sitting_rate: Array
 
 
 def coasted(state: CoordinationState, stamp_ns: int, longest_ns: int) -> CoordinationState:
@@ -79,17 +84,57 @@ def advanced(
         state.yaws + dt * state.yaw_rates,
         state.yaw_rates + dt * yaw_acceleration,
         state.frozen,
+        np.minimum(np.maximum(state.sitting + dt * state.sitting_rate, 0.0), 1.0),
+        state.sitting_rate,
     )
 
 
-def motions(state: CoordinationState, u: Array) -> tuple[PlannedMotion, ...]:
-    """Return the plan as one motion a robot, at the stamp of the state."""
+def seated(
+    state: CoordinationState, stopped: bool, at_rest: float, sit_time: float
+) -> CoordinationState:
+    """Set how fast each robot sits down, or stands up again.
+
+    Args:
+        state: The plan.
+        stopped: Whether the emergency stop is latched.
+        at_rest: Planned speed below which a stopped robot begins to sit down [m/s].
+        sit_time: Time that it takes [s].
+    """
+    if not stopped and not state.sitting.any():
+        return state if not state.sitting_rate.any() else _sitting_at(state, 0.0)
+    slow = np.abs(state.velocities).max(axis=1) < at_rest
+    down = (state.sitting < 1.0) & (slow | (state.sitting > 0.0))
+    rate = down / sit_time if stopped else (state.sitting > 0.0) / -sit_time
+    return _sitting_at(state, rate)
+
+
+def _sitting_at(state: CoordinationState, rate: Array | float) -> CoordinationState:
+    return replace(state, sitting_rate=np.zeros_like(state.sitting) + rate)
+
+
+def motions(
+    state: CoordinationState, u: Array, sit_depth: float = 0.0
+) -> tuple[PlannedMotion, ...]:
+    """Return the plan as one motion a robot, at the stamp of the state.
+
+    The height of a robot that sits down by s in [0, 1] is -sit_depth s^2 (3 - 2 s).
+
+    Args:
+        state: The plan.
+        u: Inputs [m/s^2], (N, 2).
+        sit_depth: How far the CoM goes down [m].
+    """
+    s = state.sitting
+    height = -sit_depth * s * s * (3.0 - 2.0 * s)
+    climb = -6.0 * sit_depth * s * (1.0 - s) * state.sitting_rate
     rows = zip(
         state.positions,
         state.velocities,
         u,
         state.yaws.tolist(),
         state.yaw_rates.tolist(),
+        height.tolist(),
+        climb.tolist(),
         strict=True,
     )
     return tuple(PlannedMotion(state.stamp_ns, *row) for row in rows)

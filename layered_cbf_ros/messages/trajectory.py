@@ -42,9 +42,11 @@ class TrajectoryWriter:
         """Return the message for the motions, in the order of the robots."""
         for i, motion in enumerate(motions):
             self._transforms[i, :2] = motion.position
+            self._transforms[i, 2] = motion.height
             self._transforms[i, 5] = math.sin(0.5 * motion.yaw)
             self._transforms[i, 6] = math.cos(0.5 * motion.yaw)
             self._velocities[i, :2] = motion.velocity
+            self._velocities[i, 2] = motion.vertical_velocity
             self._velocities[i, 5] = motion.yaw_rate
             self._accelerations[i, :2] = motion.acceleration
         return self._layout.encode(
@@ -85,6 +87,8 @@ class TrajectoryReader:
             values[13:15],
             2.0 * math.atan2(values[5], values[6]),
             float(values[12]),
+            float(values[2]),
+            float(values[9]),
         )
 
     def _learn(self, data: bytes) -> FixedLayout:

@@ -1,0 +1,1 @@
+"""What an operator asks for: joysticks, commanded velocities, the emergency stop."""
