@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
 from layered_cbf_ros.bags.recording.parameters import RecorderParameters
+from layered_cbf_ros.coordination.fleet_parameters import FleetParameters
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
-from layered_cbf_ros.parameters import from_mapping
+from layered_cbf_ros.operation.parameters import JoystickParameters
+from layered_cbf_ros.parameters import from_mapping, parameters_of
 from layered_cbf_ros.perception.parameters import ObstacleTrackerParameters
 from layered_cbf_ros.plants.parameters import SimulatorParameters
 from layered_cbf_ros.timing import TimingParameters
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 
 NODE_PARAMETERS: dict[str, tuple[type, ...]] = {
-    'coordinator': (CoordinatorParameters, TimingParameters),
+    'coordinator': (
+        CoordinatorParameters,
+        FleetParameters,
+        JoystickParameters,
+        TimingParameters,
+    ),
     'ground_force_mpc': (GroundForceParameters, TimingParameters),
     'whole_body_controller': (WholeBodyParameters, TimingParameters),
     'simulator': (SimulatorParameters, TimingParameters),
@@ -28,7 +34,7 @@ NODE_PARAMETERS: dict[str, tuple[type, ...]] = {
 
 def parameter_names(node: str) -> list[str]:
     """Return the names of all parameters of a node."""
-    return [field.name for cls in NODE_PARAMETERS[node] for field in dataclasses.fields(cls)]
+    return [name for cls in NODE_PARAMETERS[node] for name in parameters_of(cls)]
 
 
 def check_parameters(node: str, values: Mapping[str, Any]) -> None:
@@ -41,5 +47,5 @@ def check_parameters(node: str, values: Mapping[str, Any]) -> None:
         if name not in parameter_names(node):
             raise ParameterError(f"{node}: unknown parameter '{name}'")
     for cls in NODE_PARAMETERS[node]:
-        own = {field.name for field in dataclasses.fields(cls)}
+        own = parameters_of(cls)
         from_mapping(cls, {name: value for name, value in values.items() if name in own})

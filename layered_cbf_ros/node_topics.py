@@ -22,6 +22,11 @@ ONE_OF_A_KIND = {
 PER_ROBOT = ('ground_force_mpc', 'whole_body_controller')
 
 
+def odometry(robot: str) -> str:
+    """Return the topic on which a robot tells where it is and how it moves."""
+    return f'/{robot}/odom'
+
+
 def cmd_vel(robot: str) -> str:
     """Return the topic on which a planner asks a robot for a velocity."""
     return f'/{robot}/cmd_vel'
@@ -30,6 +35,11 @@ def cmd_vel(robot: str) -> str:
 def cmd_vel_safe(robot: str) -> str:
     """Return the topic on which a robot with its own locomotion is told its safe velocity."""
     return f'/{robot}/cmd_vel_safe'
+
+
+def asked_on(robots: Sequence[str]) -> tuple[str, ...]:
+    """Return the topics on which operators and planners ask; a run may be without them."""
+    return (JOY, E_STOP, *(cmd_vel(name) for name in robots))
 
 
 def inputs_of(node: str, robots: Sequence[str]) -> tuple[str, ...]:
@@ -44,6 +54,8 @@ def inputs_of(node: str, robots: Sequence[str]) -> tuple[str, ...]:
         LayeredCbfError: If there is no such node.
     """
     robot, _, kind = node.strip('/').rpartition('/')
+    if not robot and kind == 'coordinator':
+        return (*ONE_OF_A_KIND[kind], *asked_on(robots))
     if not robot and kind in ONE_OF_A_KIND:
         return ONE_OF_A_KIND[kind]
     if not robot and kind == 'simulator':

@@ -26,6 +26,7 @@ def parameter(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
+    name: str = '',
 ) -> Any:
     """Return a dataclass field for a parameter.
 
@@ -36,6 +37,7 @@ def parameter(
         unit: SI unit, or empty for a plain number.
         minimum, maximum: Closed range of a number, or of each entry of a tuple.
         choices: The values that a string may take, if not any.
+        name: Its ROS name, where that is no Python name: `axis_linear.x`.
     """
     metadata = {
         'description': description,
@@ -43,8 +45,25 @@ def parameter(
         'minimum': minimum,
         'maximum': maximum,
         'choices': choices,
+        'name': name,
     }
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def parameters_of(cls: type) -> dict[str, dataclasses.Field[Any]]:
+    """Return the fields of a parameter dataclass by their ROS names."""
+    return {named(field): field for field in dataclasses.fields(cls)}
+
+
+def named(field: dataclasses.Field[Any]) -> str:
+    """Return the ROS name of a parameter."""
+    return field.metadata.get('name') or field.name
+
+
+def values_of(parameters: Any) -> dict[str, Any]:
+    """Return the values of a parameter dataclass by their ROS names."""
+    named = parameters_of(type(parameters))
+    return {name: getattr(parameters, field.name) for name, field in named.items()}
 
 
 def described(field: dataclasses.Field[Any]) -> str:
@@ -59,13 +78,14 @@ def from_mapping(cls: type[P], values: Mapping[str, Any]) -> P:
     Raises:
         ParameterError: Naming the first field that is wrong, and the remedy.
     """
-    fields = {field.name: field for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    fields = parameters_of(cls)
     for name in values:
         if name not in fields:
             known = ', '.join(sorted(fields))
             raise ParameterError(f"{cls.__name__}: unknown parameter '{name}'; known are {known}")
-    checked = {name: _checked(cls.__name__, fields[name], value) for name, value in values.items()}
-    return cls(**checked)
+    return cls(
+        **{fields[name].name: _checked(cls.__name__, fields[name], v) for name, v in values.items()}
+    )
 
 
 def from_file(cls: type[P], path: Path, node: str) -> P:
@@ -93,7 +113,7 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     """
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
-        return {str(node): dict(entry['ros__parameters']) for node, entry in content.items()}
+        return {str(node): _flat(entry['ros__parameters']) for node, entry in content.items()}
     except OSError as error:
         raise ParameterError(f'{path} cannot be read: {error.strerror}') from None
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
@@ -103,13 +123,22 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
         ) from None
 
 
+def _flat(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Return nested names as ROS joins them: {axis_linear: {x: 1}} gives axis_linear.x."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        inner = _flat(value, f'{prefix}{name}.') if isinstance(value, Mapping) else None
+        flat |= {f'{prefix}{name}': value} if inner is None else inner
+    return flat
+
+
 def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Any:
     """Return the value in the field's own type, or raise ParameterError."""
     default = field.default
     if isinstance(default, tuple):
         if not isinstance(value, (list, tuple)) or len(value) != len(default):
             raise ParameterError(
-                f'{owner}.{field.name} is {value!r}; give a list of {len(default)} numbers'
+                f'{owner}.{named(field)} is {value!r}; give a list of {len(default)} numbers'
             )
         entries = zip(default, value, strict=True)
         return tuple(_scalar(owner, field, like, entry) for like, entry in entries)
@@ -118,7 +147,7 @@ def _checked(owner: str, field: dataclasses.Field[Any], value: Any) -> Any:
 
 def _scalar(owner: str, field: dataclasses.Field[Any], like: Any, value: Any) -> Any:
     """Check one entry against the type of its default and the field's range."""
-    name = f'{owner}.{field.name}'
+    name = f'{owner}.{named(field)}'
     if isinstance(like, bool) or isinstance(value, bool):
         if type(like) is not type(value):
             raise ParameterError(f'{name} is {value!r}; give {_kind(like)}')

@@ -22,6 +22,8 @@ from layered_cbf_ros.parameters import parameter
 from layered_cbf_ros.scenario import Scenario
 
 LOCKSTEP, REAL_TIME = 'lockstep', 'real_time'
+SCRIPT_NS = 20_000_000
+"""Period of a scripted operator's Joy messages [ns]."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ class InputRules:
         self.plan = InputRule(plan, tick, age)
         self.forces = InputRule(plan, 2 * tick, age)
         self.tracks = InputRule(detection, seen, NS_PER_S)
+        self.operator = InputRule(SCRIPT_NS, tick, NS_PER_S)
         self.command = InputRule(tick, tick, round(timing.command_age_limit * NS_PER_S))
 
 

@@ -148,6 +148,13 @@ class Entry:
             self.refuse(f'{suggestion(word, known)}choose one of {", ".join(known)}')
         return word
 
+    def yes_or_no(self) -> bool:
+        """Return a truth value."""
+        value = self.value()
+        if not isinstance(value, bool):
+            self.refuse('give true or false')
+        return value
+
     def ros_name(self) -> str:
         """Return a name that ROS takes as a namespace."""
         name = self.text()

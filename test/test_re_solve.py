@@ -26,7 +26,7 @@ from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError, LayeredCbfError
 from layered_cbf_ros.interfaces import NS_PER_S, RobotState
 from layered_cbf_ros.messages.robot_state import StateWriter
-from layered_cbf_ros.node_parameters import NODE_PARAMETERS
+from layered_cbf_ros.node_parameters import parameter_names
 from layered_cbf_ros.resources import find_folder
 from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.scenario import Desired, Rates, Robot, Scenario
@@ -291,7 +291,7 @@ def test_a_scenario_without_a_gain_is_refused_by_name(tmp_path):
 
 def test_no_node_has_a_parameter_that_turns_the_filter_off():
     """It must not be off on robots by accident."""
-    names = {f.name for cls in NODE_PARAMETERS[COORDINATOR] for f in dataclasses.fields(cls)}
+    names = parameter_names(COORDINATOR)
     assert not [name for name in names if 'filter' in name]
 
 

@@ -10,7 +10,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 
 from layered_cbf_ros.errors import ParameterError
-from layered_cbf_ros.parameters import described, from_mapping
+from layered_cbf_ros.parameters import described, from_mapping, parameters_of
 
 P = TypeVar('P')
 
@@ -22,13 +22,13 @@ def declare(node: Node, cls: type[P]) -> P:
         ParameterError: If a value is of the wrong type or out of its range.
     """
     values = {}
-    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+    for name, field in parameters_of(cls).items():
         default = list(field.default) if isinstance(field.default, tuple) else field.default
         try:
-            value = node.declare_parameter(field.name, default, _descriptor(field)).value
+            value = node.declare_parameter(name, default, _descriptor(field)).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            raise ParameterError(f'{cls.__name__}.{field.name}: {error}') from None
-        values[field.name] = list(value) if isinstance(default, list) else value
+            raise ParameterError(f'{cls.__name__}.{name}: {error}') from None
+        values[name] = list(value) if isinstance(default, list) else value
     return from_mapping(cls, values)
 
 

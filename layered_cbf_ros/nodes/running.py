@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import gc
 import sys
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from layered_cbf_ros.errors import (
 )
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
 from layered_cbf_ros.nodes.graph_node import GraphNode
-from layered_cbf_ros.parameters import described
+from layered_cbf_ros.parameters import described, parameters_of
 
 EXIT_ERROR = 2
 
@@ -57,6 +56,6 @@ def help_text(node_class: Callable[[], object]) -> str:
     name = node_class.__module__.rpartition('.')[2]
     lines = [purpose, '', f'usage: {name} --ros-args [-r __ns:=/ROBOT] [-p NAME:=VALUE] ...', '']
     for cls in NODE_PARAMETERS.get(name, ()):
-        for field in dataclasses.fields(cls):
-            lines.append(f'  {field.name}: {described(field)} = {field.default}')
+        for name_, field in parameters_of(cls).items():
+            lines.append(f'  {name_}: {described(field)} = {field.default}')
     return '\n'.join(lines)

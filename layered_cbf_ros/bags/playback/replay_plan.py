@@ -130,3 +130,5 @@ def _notes(bag: Bag, names: Mapping[str, str], fed: FedNode | None) -> Iterator[
             )
     if fed is not None and fed.absent:
         yield f'the bag has no {", ".join(fed.absent)}; {fed.name} goes without'
+    if fed is not None and fed.was_steered:
+        yield 'the run was steered by hand: only re_solve repeats what was asked, tick by tick'

@@ -10,7 +10,7 @@ from typing import Any
 from layered_cbf_ros.bags.resolving.run_setup import RunSetup, Values
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS, parameter_names
-from layered_cbf_ros.parameters import read_parameter_file
+from layered_cbf_ros.parameters import read_parameter_file, values_of
 from layered_cbf_ros.timing import TimingParameters
 from layered_cbf_ros.yaml_entry import suggestion
 
@@ -54,7 +54,7 @@ def _checked(setup: RunSetup, node: str, file: Path, values: Values) -> Values:
     """Return the gains among the values; all names and times must be right."""
     kind = node.rpartition('/')[2]
     known = parameter_names(kind)
-    timing = dataclasses.asdict(setup.timing(node))
+    timing = values_of(setup.timing(node))
     gains = {}
     for name, value in values.items():
         if name in OF_THE_RUN:

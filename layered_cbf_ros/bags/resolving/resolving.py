@@ -14,6 +14,7 @@ from typing import Any
 from layered_cbf_ros.bags.resolving.coordinator_core import CoordinatorCore
 from layered_cbf_ros.bags.resolving.cores import Core, ForceCore, TorqueCore, TrackerCore
 from layered_cbf_ros.bags.resolving.listeners import Comparer, HealthListener, PlanWatch
+from layered_cbf_ros.bags.resolving.recorded_orders import RecordedOrders
 from layered_cbf_ros.bags.resolving.replaying import Listener, resolve
 from layered_cbf_ros.bags.resolving.results import (
     NodeResult,
@@ -126,7 +127,8 @@ def core_of(question: Question, node: str) -> Core:
     """Return the core of a node."""
     kind = node.rpartition('/')[2]
     if kind == 'coordinator':
-        return CoordinatorCore(question.setup, node, question.filtered, question.what_if)
+        orders = RecordedOrders(open_bag(question.bag), question.setup.robots)
+        return CoordinatorCore(question.setup, node, orders, question.filtered, question.what_if)
     if kind == 'ground_force_mpc':
         return ForceCore(question.setup, node)
     if kind == 'whole_body_controller':

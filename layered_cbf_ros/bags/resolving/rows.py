@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.bags.run.base_states import Velocities
 from layered_cbf_ros.bags.run.series import (
     JointStates,
     JointTrajectories,
@@ -23,7 +24,7 @@ from layered_cbf_ros.messages.tracks import track_from
 from layered_cbf_ros.node_topics import BARRIERS, DESIRED, INTERVENTION, PLAN, TRACKS
 
 SERIES = (BARRIERS, INTERVENTION, DESIRED)
-FORCES, COMMANDS = 'ground_forces', 'joint_commands'
+FORCES, COMMANDS, VELOCITY = 'ground_forces', 'joint_commands', 'cmd_vel_safe'
 
 Quantity = tuple[str, str]  # what a number is, and its unit
 Key = tuple[int, str]  # stamp [ns], and part of a row
@@ -55,6 +56,7 @@ FIELDS: dict[str, tuple[Quantity, ...]] = {
     ),
     TRACKS: TRACK_FIELDS,
     COMMANDS: (('joint position', 'rad'), ('joint velocity', 'rad/s'), ('torque', 'Nm')),
+    VELOCITY: (*(('velocity', 'm/s') for _ in XYZ), *(('angular velocity', 'rad/s') for _ in XYZ)),
 }
 FORCE_FIELDS: dict[str, tuple[Quantity, ...]] = {
     'phase': (('swing phase', ''), ('swing rate', '1/s'), UNUSED),
@@ -96,6 +98,8 @@ class RowReader:
             self._series = PlannedMotions()
         elif topic in SERIES:
             self._series = JointTrajectories()
+        elif topic.rpartition('/')[2] == VELOCITY:
+            self._series = Velocities()
 
     def read(self, record: Record) -> Iterator[Content]:
         """Yield what a recorded message tells, as bytes where it tells of one stamp.

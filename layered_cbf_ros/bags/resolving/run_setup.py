@@ -11,8 +11,8 @@ from layered_cbf_ros.bags.recorded_scenario import recorded_scenario
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.node_topics import ONE_OF_A_KIND, PER_ROBOT, SCENARIO
-from layered_cbf_ros.parameters import from_mapping
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.parameters import from_mapping, parameters_of
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.scenario_checks import SETTLED
 from layered_cbf_ros.timing import TimingParameters, timing_values
 
@@ -43,7 +43,8 @@ class RunSetup:
         sole = [
             name for name in ONE_OF_A_KIND if name != 'obstacle_tracker' or self.scenario.obstacles
         ]
-        return sole + [f'{robot}/{kind}' for robot in self.robots for kind in PER_ROBOT]
+        legged = () if self.scenario.plant == BASES else self.robots
+        return sole + [f'{robot}/{kind}' for robot in legged for kind in PER_ROBOT]
 
     @property
     def changed_scenario(self) -> Scenario:
@@ -79,7 +80,7 @@ class RunSetup:
         if kind == 'ground_force_mpc':
             gaits = {r.name: r.gait for r in self.scenario.robots}
             values['gait'] = gaits[robot]
-        own = {field.name for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
+        own = parameters_of(cls)
         changes = {name: v for name, v in self.changes.get(node, {}).items() if name in own}
         return from_mapping(cls, {**values, **changes})
 
@@ -89,12 +90,12 @@ class RunSetup:
         known = self.scenario.parameters.get(kind, {})
         changed = self.changes.get(node, {})
         values = {}
-        for field in dataclasses.fields(cls):  # type: ignore[arg-type]
-            if field.name in known:
-                values[field.name] = known[field.name]
-            elif field.name not in SETTLED and field.name not in changed:
+        for name in parameters_of(cls):
+            if name in known:
+                values[name] = known[name]
+            elif name not in SETTLED and name not in changed:
                 raise BagError(
-                    f"{SCENARIO} has no {kind}.{field.name}: the run's gains are not known; "
+                    f"{SCENARIO} has no {kind}.{name}: the run's gains are not known; "
                     'record runs that the supervisor has started, or give it with --params'
                 )
         return values
