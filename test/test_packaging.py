@@ -34,10 +34,12 @@ KEYS = {
     'yaml': 'python3-yaml',
     'zstandard': 'python3-zstandard',
 }
-OPTIONAL = {'pyarrow': 'parquet'}  # extras that a person installs when they want them
+# extras that a person installs when they want them
+OPTIONAL = {'aiohttp': 'viewer', 'imageio_ffmpeg': 'video', 'pyarrow': 'parquet', 'viser': 'viewer'}
 DISTRIBUTIONS = {
     'PIL': 'pillow',
     'coal': 'pin',
+    'imageio_ffmpeg': 'imageio-ffmpeg',
     'pinocchio': 'pin',
     'pybullet_data': 'pybullet',
     'pybullet_utils': 'pybullet',
@@ -138,8 +140,8 @@ def test_setup_py_requires_what_is_imported_beside_ros(setup_arguments):
 def test_what_is_optional_is_an_extra_and_the_tests_have_it(setup_arguments):
     extras = setup_arguments['extras_require']
     for module, extra in OPTIONAL.items():
-        assert module in extras[extra]
-        assert module in extras['test']
+        assert DISTRIBUTIONS.get(module, module) in extras[extra]
+        assert DISTRIBUTIONS.get(module, module) in extras['test']
 
 
 def test_both_manifests_tell_the_same(manifest, setup_arguments):
