@@ -1,4 +1,4 @@
-"""`inspect BAG`: tells what is in a bag, as a table, messages, figures or files."""
+"""`inspect BAG`: tells what is in a bag, as a table, messages, figures, files or a video."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ from layered_cbf_ros.bags.inspection.plotting import check_figures, write_figure
 from layered_cbf_ros.bags.inspection.selection import Selection
 from layered_cbf_ros.bags.inspection.survey import survey
 from layered_cbf_ros.bags.inspection.tables import FORMATS
+from layered_cbf_ros.bags.inspection.video_option import (
+    add_video_options,
+    check_video_options,
+    make_video,
+)
 from layered_cbf_ros.bags.json_output import (
     STANDARD_OUTPUT,
     add_json_option,
@@ -41,6 +46,7 @@ examples:
   inspect RUN --topic /clock --json | jq .     the same for programs, an object a line
   inspect RUN --plot                           figures and a report, in RUN_figures/
   inspect RUN --export csv --topic /state      a table a topic, in RUN_csv/
+  inspect RUN --video run.mp4 --follow a1_0    what it looked like; or run.gif
 exit code 0: the bag is sound, whatever the run was like; 2: the bag or the command is bad."""
 
 
@@ -51,6 +57,10 @@ def main(arguments: Sequence[str]) -> int:
         BagError: If there is no bag, the command is bad, or something would be overwritten.
     """
     options = _parser().parse_args(arguments)
+    check_video_options(options)
+    if options.video is not None:
+        make_video(options)
+        return 0
     selection = _selection(options)
     if options.repair:
         for line in repair(options.bag, options.force).lines():
@@ -173,6 +183,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     add('--output', type=Path, metavar='DIR', help='of --export; by default BAG_csv beside the bag')
     add_json_option(parser)
+    add_video_options(parser)
     add('--repair', action='store_true', help='finish a bag that was cut off, where it is')
     add('--force', action='store_true', help='overwrite files; repair what is being recorded')
     return parser

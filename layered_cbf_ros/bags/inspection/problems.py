@@ -11,7 +11,8 @@ from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
-from layered_cbf_ros.node_topics import CLEARANCE, DIAGNOSTICS, PLAN, STATE, TRUTH
+from layered_cbf_ros.node_topics import CLEARANCE, DIAGNOSTICS, PLAN, STATE, TRUTH, odometry
+from layered_cbf_ros.scenario import BULLET
 
 NAMED = 3
 """So many topics are named where the same is wrong with several."""
@@ -119,9 +120,8 @@ def _missing_topics(statistics: Mapping[str, TopicStatistics], run: RunRecord) -
     scenario = run.scenario
     if scenario is None:
         return
-    needed = [STATE, PLAN, DIAGNOSTICS]
-    if scenario.plant == 'bullet':
-        needed += [CLEARANCE, *([TRUTH] if scenario.obstacles else [])]
+    states = [STATE] if scenario.plant == BULLET else [odometry(r.name) for r in scenario.robots]
+    needed = [*states, PLAN, DIAGNOSTICS, CLEARANCE, *([TRUTH] if scenario.obstacles else [])]
     missing = [topic for topic in needed if topic not in statistics]
     if missing:
         yield (

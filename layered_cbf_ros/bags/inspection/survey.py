@@ -48,7 +48,7 @@ def survey(path: Path, bag: Bag) -> Survey:
         known = statistics.get(name)
         if known is None:
             known = statistics[name] = TopicStatistics(record.topic)
-        if known.take(record) and name in gatherer.topics:
+        if known.take(record) and gatherer.wants(name):
             gatherer.take(record)
     run = gatherer.finish(path, bag)
     return Survey(info_of(bag, statistics), tuple(problems_of(bag, statistics, run)), run)
