@@ -15,6 +15,7 @@ import rclpy
 from rclpy.node import Node
 
 from layered_cbf_ros.errors import GraphError, LayeredCbfError, ParameterError
+from layered_cbf_ros.health import Level, Report
 from layered_cbf_ros.patterns import Standing
 from layered_cbf_ros.resources import find_folder
 from layered_cbf_ros.scenario import Desired, Detections, Obstacle, Rates, Robot, Scenario, World
@@ -24,7 +25,7 @@ from layered_cbf_ros.supervision import shared_memory
 from layered_cbf_ros.supervision.child import Child, describe_exit, node_command
 from layered_cbf_ros.supervision.command_line import parse
 from layered_cbf_ros.supervision.domain_lock import DomainLock
-from layered_cbf_ros.supervision.printer import Printer, progress_line, table_lines
+from layered_cbf_ros.supervision.printer import Printer, progress_line
 from layered_cbf_ros.supervision.process_plan import ProcessSpec, process_plan
 from layered_cbf_ros.supervision.run_folder import make_run_folder
 from layered_cbf_ros.supervision.run_parameters import (
@@ -35,11 +36,14 @@ from layered_cbf_ros.supervision.run_parameters import (
 )
 from layered_cbf_ros.supervision.shutdown import Patience
 from layered_cbf_ros.supervision.status import (
-    Report,
+    Heard,
+    faults_of_run,
+    is_told_of,
     processor_shares,
     processor_time,
-    status_rows,
+    reports_of_run,
 )
+from layered_cbf_ros.supervision.status_table import row_of
 from layered_cbf_ros.supervision.supervisor import Code, News, Supervisor, root_cause
 
 SCENARIO = Scenario(
@@ -420,20 +424,27 @@ def test_a_run_that_is_done_before_all_are_heard_is_finished_all_the_same():
 # --- what a person sees -------------------------------------------------------------
 
 
-def test_a_node_whose_diagnostics_stop_is_stale():
-    reports = {WBC: Report({'rate_hz': '999.6'}, 10.0), MPC: Report({'rate_hz': '500'}, 12.5)}
-    rows = status_rows([WBC, MPC], {}, frozenset({WBC, MPC}), reports, {WBC: 0.5}, 13.1)
-    assert [row.state for row in rows] == ['STALE', 'running']
-    assert [row.rate for row in rows] == [None, 500.0]
+def heard(name, at, level=Level.OK, **values):
+    return Heard(Report(name, level, 'running', {'state': 'running', **values}, 'a1_0'), at)
 
 
-def test_the_table_tells_how_a_node_ended_and_what_is_odd():
-    values = {'solver_failures': '2', 'rejected': '0', 'waiting_for': '/state'}
-    rows = status_rows([WBC, SIM], {SIM: -11}, frozenset(), {WBC: Report(values, 0.0)}, {}, 1.0)
-    assert rows[0].state == 'starting'
-    assert rows[0].note == 'waits for /state, 2 solver failures'
-    assert rows[1].state == 'was killed by SIGSEGV'
-    assert len(table_lines(rows)) == 2
+def test_a_node_whose_diagnostics_stop_is_stale_and_keeps_its_last_figures():
+    """A counter that fell to nothing would look like a restart, and be counted twice."""
+    last = {WBC: heard(WBC, 10.0, rejected='7'), MPC: heard(MPC, 12.5, rejected='2')}
+    wbc, mpc = reports_of_run([WBC, MPC], {}, last, 13.1)
+    assert (wbc.level, wbc.message, wbc.values['rejected']) == (Level.STALE, 'silent for 3 s', '7')
+    assert mpc == last[MPC].report
+    assert (is_told_of(wbc), is_told_of(mpc)) == (True, False)
+    assert faults_of_run([wbc, mpc])[0].text == f'{WBC} silent for 3 s'
+
+
+def test_a_dead_node_is_an_error_in_its_own_name_and_one_that_ended_keeps_its_last_word():
+    last = {SIM: heard(SIM, 0.0), MPC: heard(MPC, 0.0)}
+    sim, mpc, wbc = reports_of_run([SIM, MPC, WBC], {SIM: -11, MPC: 0}, last, 60.0)
+    assert (sim.name, sim.level, sim.message) == (SIM, Level.ERROR, 'was killed by SIGSEGV')
+    assert mpc == last[MPC].report
+    assert (wbc.level, wbc.values['state']) == (Level.OK, 'starting')
+    assert [fault.level for fault in faults_of_run([sim, mpc, wbc])] == [Level.ERROR]
 
 
 def test_processor_shares_are_differences_over_wall_time():
@@ -448,7 +459,7 @@ def test_processor_time_of_this_process_agrees_with_the_kernels_own_clock():
 def test_in_a_pipe_nothing_is_coloured_or_erased():
     stream = io.StringIO()
     printer = Printer(stream, terminal=False, pipe_pause=10.0)
-    rows = status_rows([WBC], {}, frozenset(), {}, {}, 0.0)
+    rows = [row_of(report) for report in reports_of_run([WBC], {}, {}, 0.0)]
     for now in (0.0, 1.0, 2.0, 11.0):
         printer.status(now, progress_line(now, 20.0, 2.0 * now), rows)
     printer.tell(WBC, 'hello')
@@ -463,14 +474,14 @@ def test_on_a_terminal_the_block_stays_below_the_lines():
     """Played on a terminal of two escape sequences, only lines and the last block remain."""
     stream = io.StringIO()
     printer = Printer(stream, terminal=True)
-    rows = status_rows([WBC, MPC], {}, frozenset(), {}, {}, 0.0)
+    rows = [row_of(report) for report in reports_of_run([WBC, MPC], {}, {}, 0.0)]
     printer.status(0.0, 'progress 0', rows)
     printer.tell(WBC, 'hello')
     printer.status(1.0, 'progress 1', rows)
     screen = _screen(stream.getvalue())
     assert 'hello' in screen[0]
-    assert len(screen) == 4
-    assert 'progress 1' in screen[3]
+    assert len(screen) == 5
+    assert 'progress 1' in screen[4]
     printer.end()
     assert len(_screen(stream.getvalue())) == 1
 

@@ -5,7 +5,6 @@ import pytest
 
 from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import PlannedMotion
-from layered_cbf_ros.loop_statistics import LoopStatistics
 from layered_cbf_ros.messages.joint_state import JointStateWriter
 from layered_cbf_ros.plan_following import follow
 from layered_cbf_ros.timing import Inbox, InputRules, StampGuard, TimingParameters
@@ -135,19 +134,3 @@ def test_braking_is_consistent_with_its_own_acceleration():
         before, after = plan.braked(k * MS, 1.0), plan.braked((k + 1) * MS, 1.0)
         mean = 0.5 * (before.velocity + after.velocity)
         assert after.position - before.position == pytest.approx(mean * dt, abs=1e-6)
-
-
-def test_statistics_tell_what_was_counted():
-    statistics = LoopStatistics()
-    for duration in range(1, 101):
-        statistics.tick(duration * 1000)
-    statistics.reject('joint state has no FL')
-    first = statistics.report(1_000_000_000)
-    assert first['ticks'] == '100'
-    assert first['rejected'] == '1'
-    assert first['last_rejected'] == 'joint state has no FL'
-    assert first['solve_time_max_us'] == '100'
-    assert float(first['solve_time_p50_us']) == pytest.approx(np.median(range(1, 101)), abs=0.5)
-    for _ in range(50):
-        statistics.tick(1000)
-    assert statistics.report(1_500_000_000)['rate_hz'] == '100.0'

@@ -14,8 +14,10 @@ from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.node_topics import DIAGNOSTICS
+from layered_cbf_ros.nodes.diagnostics import DiagnosticsPublisher, report_of
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
-from layered_cbf_ros.supervision.status import Report, silent_nodes
+from layered_cbf_ros.supervision.process_plan import PLANT
+from layered_cbf_ros.supervision.status import Heard, is_told_of, silent_nodes
 from layered_cbf_ros.supervision.supervisor import News
 
 MANY = 100  # nodes whose latched word is kept
@@ -25,8 +27,9 @@ class GraphNews(Node):
     """Hears who is ready, how the nodes fare, and the simulated time.
 
     Attributes:
-        reports: Last diagnostics, by node.
-        wall_time: From the first to the last step of the simulated time [s].
+        heard: Last diagnostics, by node, as it told them itself.
+        diagnostics: Tells how the supervisor fares, and who can't tell any more.
+        wall_time: From the first to the last step of the simulated time, without pauses [s].
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -37,8 +40,10 @@ class GraphNews(Node):
         self._clock_reader = Reader(self, Clock, '/clock')
         self._ready: set[str] = set()
         self._simulated: float | None = None
-        self._simulation_began = 0.0
-        self.reports: dict[str, Report] = {}
+        self._stepped = 0.0
+        self._paused = False
+        self.heard: dict[str, Heard] = {}
+        self.diagnostics = DiagnosticsPublisher(self)
         self.wall_time = 0.0
 
     def listen(self, now: float) -> News:
@@ -53,13 +58,17 @@ class GraphNews(Node):
         while (data := self._diagnostics_reader.take()) is not None:
             with contextlib.suppress(MessageError):
                 for status in decoded(data, DiagnosticArray).status:
-                    values = {entry.key: entry.value for entry in status.values}
-                    self.reports[status.name] = Report(values, now)
+                    report = report_of(status)
+                    if not is_told_of(report):
+                        self.heard[status.name] = Heard(report, now)
         while (data := self._clock_reader.take()) is not None:
-            if self._simulated is None:
-                self._simulation_began = now
+            if self._simulated is not None and not self._paused:
+                self.wall_time += now - self._stepped
             with contextlib.suppress(MessageError):
                 self._simulated = stamp_of(data) / NS_PER_S
-            self.wall_time = now - self._simulation_began
-        silent = silent_nodes(self._names, self.reports, now)
-        return News(frozenset(self._ready), self._simulated, tuple(silent))
+            self._stepped = now
+        silent = silent_nodes(self._names, self.heard, now)
+        plant = self.heard.get(PLANT)
+        told = plant is not None and plant.report.values.get('paused') == 'true'
+        self._paused = told and PLANT not in silent
+        return News(frozenset(self._ready), self._simulated, tuple(silent), self._paused)

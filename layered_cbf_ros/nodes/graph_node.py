@@ -7,8 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -21,8 +19,9 @@ from layered_cbf_ros.errors import (
     StopRequestedError,
 )
 from layered_cbf_ros.loop_statistics import LoopStatistics
-from layered_cbf_ros.node_topics import DIAGNOSTICS, STATE
+from layered_cbf_ros.node_topics import STATE
 from layered_cbf_ros.nodes.declaring import declare
+from layered_cbf_ros.nodes.diagnostics import DiagnosticsPublisher
 from layered_cbf_ros.nodes.transport import (
     RELIABLE_DEPTH,
     RESEND_DEPTH,
@@ -44,8 +43,6 @@ T = TypeVar('T')
 SLICE_S = 0.05  # longest uninterrupted wait: how fast signals and services are answered
 SILENT_SLICES = 3  # after so many a message counts as lost
 SERVICE_PERIOD_NS = 500_000_000
-DIAGNOSTIC_PERIOD_NS = 1_000_000_000
-DELIVERY_S = 0.5
 
 
 class GraphNode(Node):
@@ -65,13 +62,14 @@ class GraphNode(Node):
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._request_stop)
         self.statistics = LoopStatistics()
+        self.statistics.real_time = not self.lockstep
         self.readers: list[Reader] = []
         self.writers: list[Writer] = []
         self._ready = self.create_publisher(String, '/ready', latched())
-        self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+        self._diagnostics = DiagnosticsPublisher(self, self.statistics)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
-        self._next_service_ns = self._next_diagnostic_ns = 0
+        self._next_service_ns = 0
         self._silent_slices = 0
 
     def reader(self, message_type: type, topic: str, depth: int = RELIABLE_DEPTH) -> Reader:
@@ -93,12 +91,18 @@ class GraphNode(Node):
         self.writers.append(Writer(self, message_type, topic, expected, kept))
         return self.writers[-1]
 
-    def accept(self, decode: Callable[[A], T], data: A) -> T | None:
-        """Return the decoded message, or count and name it if it is refused."""
+    def accept(self, decode: Callable[[A], T], data: A, topic: str = '') -> T | None:
+        """Return the decoded message, or count and name it if it is refused.
+
+        Args:
+            decode: Returns it, or raises MessageError.
+            data: What came.
+            topic: Where it came from, if the error doesn't say it.
+        """
         try:
             return decode(data)
         except MessageError as error:
-            self.statistics.reject(str(error))
+            self.statistics.reject(f'{topic}: {error}' if topic else str(error))
             return None
 
     def refuse_unknown_parameters(self) -> None:
@@ -119,7 +123,7 @@ class GraphNode(Node):
             missing += [w.topic for w in self.writers if w.readers < w.expected_readers]
             if not missing:
                 break
-            self.statistics.waiting_for = ', '.join(missing)
+            self.statistics.wait_for(', '.join(missing), time.monotonic_ns())
             self.serve()
             time.sleep(0.01)
         self.statistics.waiting_for = ''
@@ -127,6 +131,7 @@ class GraphNode(Node):
 
     def tell_ready(self) -> None:
         """Tell everybody, also those who come later."""
+        self.statistics.state = 'running'
         self._ready.publish(String(data=self.get_fully_qualified_name()))
 
     def ticks(self, every_ns: int) -> Iterator[bytes]:
@@ -142,20 +147,23 @@ class GraphNode(Node):
     def each(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
         """Yield the messages of stamps 0, every_ns, ..., none left out, in order."""
         inbox, wanted = Inbox(), 0
+        self.statistics.period_ns = every_ns
         while True:
             data = reader.take()
             if data is None:
                 self.wait(reader, None, '')
                 continue
-            if self.accept(inbox.offer, data) is False:
+            if self.accept(inbox.offer, data, reader.topic) is False:
                 self.resend()
             while (due := inbox.exactly(wanted)) is not None:
+                self.statistics.begin(time.monotonic_ns(), wanted)
                 yield due
                 self.serve()
                 wanted += every_ns
 
     def _newest(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
         guard, last_ns = StampGuard(), None
+        self.statistics.period_ns = every_ns
         while True:
             self.serve()
             data = reader.take()
@@ -164,7 +172,7 @@ class GraphNode(Node):
                 continue
             while (newer := reader.take()) is not None:
                 data = newer
-            stamp_ns = self.accept(guard.check, data)
+            stamp_ns = self.accept(guard.check, data, reader.topic)
             if stamp_ns is None:
                 continue
             if last_ns is not None:
@@ -172,6 +180,7 @@ class GraphNode(Node):
                     continue
                 self.statistics.deadline_misses += (stamp_ns - last_ns) // every_ns - 1
             last_ns = stamp_ns
+            self.statistics.begin(time.monotonic_ns(), stamp_ns)
             yield data
 
     def wait(self, reader: Reader, give_up_ns: int | None, sender: str) -> None:
@@ -187,6 +196,8 @@ class GraphNode(Node):
         now_ns = time.monotonic_ns()
         silent = now_ns - begun_ns >= round(SLICE_S * 1e9)
         self._silent_slices = self._silent_slices + 1 if silent else 0
+        if silent:
+            self.statistics.wait_for(sender or reader.topic, now_ns, idle=not sender)
         if self._silent_slices == SILENT_SLICES:
             self._silent_slices = 0
             self.on_silence()
@@ -207,8 +218,8 @@ class GraphNode(Node):
             if writer.expected_readers > self.recorded:
                 writer.resend(time.monotonic_ns())
 
-    def serve(self) -> None:
-        """Answer services and publish diagnostics, when it is time to.
+    def serve(self, at_once: bool = False) -> None:
+        """Answer services, when it is time to or at once, and tell once a second how it fares.
 
         Raises:
             StopRequestedError: If the node was asked to end.
@@ -216,37 +227,23 @@ class GraphNode(Node):
         if self.stop_requested:
             raise StopRequestedError
         now_ns = time.monotonic_ns()
-        if now_ns < self._next_service_ns:
-            return
-        self._next_service_ns = now_ns + SERVICE_PERIOD_NS
-        self._executor.spin_once(timeout_sec=0.0)
-        if now_ns >= self._next_diagnostic_ns:
-            self._next_diagnostic_ns = now_ns + DIAGNOSTIC_PERIOD_NS
-            self.publish_diagnostics('running')
+        self._diagnostics.serve(now_ns)
+        if now_ns >= self._next_service_ns or at_once:
+            self._next_service_ns = now_ns + SERVICE_PERIOD_NS
+            self._executor.spin_once(timeout_sec=0.0)
 
     def publish_diagnostics(self, state: str) -> None:
-        """Tell what the node counted."""
-        figures = self.statistics.report(time.monotonic_ns())
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.OK if self.is_well else DiagnosticStatus.WARN,
-            name=self.get_fully_qualified_name(),
-            message=figures['last_rejected'] or state,
-            values=[KeyValue(key='state', value=state)]
-            + [KeyValue(key=key, value=value) for key, value in figures.items()],
-        )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        """Tell now, and not only with the next second, that the node does something else.
 
-    @property
-    def is_well(self) -> bool:
-        """Return whether nothing happened that a person should know of."""
-        return not (self.statistics.rejected or self.statistics.solver_failures)
+        Args:
+            state: What it does from now on: 'running' or 'paused'.
+        """
+        self.statistics.state = state
+        self._diagnostics.publish(time.monotonic_ns())
 
     def close(self) -> None:
         """Tell the last figures, and see them delivered."""
-        self.publish_diagnostics('ended')
-        self._diagnostics.wait_for_all_acked(Duration(seconds=DELIVERY_S))
+        self._diagnostics.close()
         for writer in self.writers:
             writer.see_delivered()
 

@@ -54,13 +54,17 @@ class Input(Generic[T]):
             data = None if wanted is None else self._wait_for(wanted)
         else:
             data = self._newest(tick_ns)
+            if data is None:
+                self._node.statistics.miss_input(self._sender)
         if data is not self._decoded[0]:
-            value = None if data is None else self._node.accept(self._decode, data)
+            value = (
+                None if data is None else self._node.accept(self._decode, data, self._reader.topic)
+            )
             self._decoded = (data, value)
         return self._decoded[1]
 
     def _offer(self, data: bytes) -> None:
-        self._node.accept(self._inbox.offer, data)
+        self._node.accept(self._inbox.offer, data, self._reader.topic)
 
     def _wait_for(self, stamp_ns: int) -> bytes:
         found = self._inbox.exactly(stamp_ns)

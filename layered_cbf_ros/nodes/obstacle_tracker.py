@@ -57,12 +57,14 @@ class ObstacleTrackerNode(GraphNode):
 
     def _as_they_come(self) -> Iterator[bytes]:
         """Yield every message: the tracker itself knows what to do with a late one."""
+        self.statistics.period_ns = self.timing.detection_ns
         while True:
             self.serve()
             data = self._detections.take()
             if data is None:
                 self.wait(self._detections, None, '')
             else:
+                self.statistics.begin(time.monotonic_ns())
                 yield data
 
     def _publish(self, stamp_ns: int, tracks: Sequence[Track]) -> None:

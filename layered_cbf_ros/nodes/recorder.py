@@ -25,6 +25,7 @@ from layered_cbf_ros.bags.recording.parameters import RecorderParameters
 from layered_cbf_ros.bags.recording.progress import recorded_up_to
 from layered_cbf_ros.bags.storage.writer import BagWriter
 from layered_cbf_ros.errors import BagError, StopRequestedError
+from layered_cbf_ros.health import Fault, Level
 from layered_cbf_ros.messages.standard import header
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
@@ -57,11 +58,6 @@ class RecorderNode(GraphNode):
         self._next_discovery_ns = self._next_flush_ns = 0
         self._say(f'recording into {self._bag.path}; Ctrl-C ends it')
 
-    @property
-    def is_well(self) -> bool:
-        """Return whether all that was sent is in the bag."""
-        return super().is_well and not self._refused and not self._lost
-
     def run(self) -> None:
         """Record until asked to end, then drain what has arrived and close the bag."""
         self.tell_ready()
@@ -75,7 +71,7 @@ class RecorderNode(GraphNode):
                 if now_ns >= self._next_flush_ns:
                     self._next_flush_ns = now_ns + FLUSH_NS
                     self._keep_up()
-                self._drain()
+                self._turn()
                 time.sleep(PAUSE_S)
         except StopRequestedError:
             turns = itertools.count()
@@ -122,15 +118,28 @@ class RecorderNode(GraphNode):
         put_back = self._bag.keep()
         if put_back:
             _tell(f'WARNING {put_back}', sys.stderr)
-        details = self.statistics.details
-        details['received'] = str(sum(each.received for each in self._losses().values()))
-        details['lost'] = str(self._lost)
-        details['dropped_topics'] = ' '.join(sorted(self._refused))
+        self._tell_health()
+
+    def _tell_health(self) -> None:
+        """Say what is in the bag, and what is not."""
+        refused = ' '.join(sorted(self._refused))
+        statistics = self.statistics
+        statistics.lost = self._lost
+        statistics.details['received'] = str(sum(each.received for each in self._losses().values()))
+        statistics.details['dropped_topics'] = refused
+        if refused:
+            statistics.faults = (Fault('refused', Level.WARN, f'not recorded: {refused}'),)
+
+    def _turn(self) -> None:
+        """Drain once; for this node that is what others call a tick, but messages count."""
+        self.statistics.begin(time.monotonic_ns())
+        begun_ns = time.perf_counter_ns()
+        count = self._drain()
+        self.statistics.tick(time.perf_counter_ns() - begun_ns, count)
 
     def _drain(self) -> int:
         """Write what has arrived, tell the simulator how far that is, and return how many."""
         count = sum(topic.drain() for topic in self._topics.values())
-        self.statistics.ticks += count
         state = self._topics.get(self.state_topic)
         if state is not None and state.stamps.last_ns is not None:
             followed = (topic.progress for topic in self._topics.values())
@@ -148,7 +157,8 @@ class RecorderNode(GraphNode):
         self._bag.close({NOTE: summary(losses, list(self._refused))})
         self._say('\n'.join(table(losses)))
         _tell(f'{summary(losses, list(self._refused))}: {where}')
-        self.exit_code = 0 if self.is_well else EXIT_LOST
+        incomplete = self.statistics.rejected or self._refused or self._lost
+        self.exit_code = EXIT_LOST if incomplete else 0
 
     def _note(self) -> None:
         self._bag.note(NOTE, note_of(self._losses()))

@@ -33,6 +33,7 @@ from layered_cbf_ros.bags.storage.opening import open_bag
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages import standard
+from layered_cbf_ros.nodes.diagnostics import PERIOD_NS, DiagnosticsPublisher
 from layered_cbf_ros.nodes.replay_partners import Partners, wait_for_readers
 from layered_cbf_ros.nodes.replay_publishers import ReplayPublishers
 from layered_cbf_ros.nodes.transport import find_each_other_fast, reliable
@@ -60,6 +61,7 @@ class Replay:
         self._clock_publisher = (
             node.create_publisher(ClockMessage, CLOCK, reliable(10)) if options.clock_hz else None
         )
+        self._diagnostics = DiagnosticsPublisher(node)
         self._used_s = self._lasted_s = 0.0
         self._unacknowledged: list[str] = []
         for number in ENDINGS:
@@ -78,6 +80,8 @@ class Replay:
             self._lasted_s = time.monotonic() - before[1]
             limit_s = self._options.acknowledged_ms / 1000 or float('inf')
             self._unacknowledged = self._publishers.not_acknowledged(limit_s, self._is_stopped)
+        self._note_health()
+        self._diagnostics.close()
         self._report()
         if self._player.stopped:
             return EXIT_INTERRUPTED
@@ -92,15 +96,19 @@ class Replay:
         for note in (*self._plan.notes, *self._publishers.warnings()):
             _warn(note)
         partners, following, player = self._partners, self._following, self._player
-        if partners is None or following is None:
+        fed = self._plan.fed
+        if fed is None or partners is None or following is None:
             return
-        partners.wait_until_listening(self._publishers, _warn, self._is_stopped)
+        self._diagnostics.statistics.wait_for(fed.name, time.monotonic_ns())
+        partners.wait_until_listening(self._publishers, _warn, self._keep_up)
+        self._diagnostics.statistics.waiting_for = ''
         if not player.stopped and partners.in_real_time():
             following.expect_real_time()
 
     def _add_chores(self, stack: ExitStack) -> None:
         """Have keys obeyed, progress shown and the clock sent, until the stack is left."""
         options, plan, player = self._options, self._plan, self._player
+        player.chores.append(Chore(PERIOD_NS, self._tell_health))
         keyboard = None
         if options.keyboard and is_controllable():
             keyboard = stack.enter_context(Keyboard())
@@ -166,6 +174,27 @@ class Replay:
         if self._clock_publisher is not None:
             bag_ns = self._player.schedule.bag_time_ns(now_ns)
             self._clock_publisher.publish(standard.clock(bag_ns))
+
+    def _keep_up(self) -> bool:
+        """Tell how it fares while it waits; return whether it is to end."""
+        self._diagnostics.serve(time.monotonic_ns())
+        return self._player.stopped
+
+    def _tell_health(self, now_ns: int) -> None:
+        self._note_health()
+        self._diagnostics.publish(now_ns)
+
+    def _note_health(self) -> None:
+        """Note how well messages are sent: jitter is how late they are."""
+        player, statistics = self._player, self._diagnostics.statistics
+        errors = player.errors
+        statistics.state = 'paused' if player.schedule.paused else 'running'
+        statistics.ticks = player.sent
+        statistics.deadline_misses = errors.late
+        statistics.details |= {
+            'jitter_p99_us': f'{errors.percentile_ns(0.99) / 1e3:.0f}',
+            'jitter_max_us': f'{errors.max_ns / 1e3:.0f}',
+        }
 
     def _is_stopped(self) -> bool:
         return self._player.stopped

@@ -6,14 +6,18 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from layered_cbf_ros.bags.command_line import run_verb
 from layered_cbf_ros.errors import LayeredCbfError
+from layered_cbf_ros.health import Report
 from layered_cbf_ros.nodes.graph_news import GraphNews
+from layered_cbf_ros.nodes.status_listener import show_status
 from layered_cbf_ros.nodes.transport import find_each_other_fast
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import load_scenario, with_overrides
@@ -22,11 +26,24 @@ from layered_cbf_ros.supervision.child import Child, node_command
 from layered_cbf_ros.supervision.command_line import Options, parse
 from layered_cbf_ros.supervision.domain_lock import DomainLock
 from layered_cbf_ros.supervision.printer import Printer, progress_line
-from layered_cbf_ros.supervision.process_plan import ProcessSpec, process_plan
+from layered_cbf_ros.supervision.process_plan import (
+    ProcessSpec,
+    process_plan,
+    viewer_process,
+)
 from layered_cbf_ros.supervision.run_folder import RunFolder, make_run_folder
-from layered_cbf_ros.supervision.status import processor_shares, processor_time, status_rows
+from layered_cbf_ros.supervision.status import (
+    faults_of_run,
+    is_told_of,
+    processor_shares,
+    processor_time,
+    reports_of_run,
+)
+from layered_cbf_ros.supervision.status_command import WORD, parse_status
+from layered_cbf_ros.supervision.status_table import row_of
 from layered_cbf_ros.supervision.supervisor import News, RunOutcome, Supervisor
 from layered_cbf_ros.timing import REAL_TIME
+from layered_cbf_ros.viewing.front.check import check_front
 
 PERIOD_S = 0.05
 STATUS_S = 1.0
@@ -37,9 +54,13 @@ class Run:
     """One run: its processes, what is heard of them, and what a person sees."""
 
     def __init__(
-        self, scenario: Scenario, folder: RunFolder, printer: Printer, lock: DomainLock
+        self,
+        scenario: Scenario,
+        plan: Sequence[ProcessSpec],
+        folder: RunFolder,
+        printer: Printer,
+        lock: DomainLock,
     ) -> None:
-        plan = process_plan(scenario, folder.parameters, folder.recorded)
         self._duration = scenario.duration
         self._folder = folder
         self._printer = printer
@@ -50,6 +71,8 @@ class Run:
         self._stops_asked = self._stops_done = 0
         self._supervisor = Supervisor(plan, self._launch, printer.tell)
         self.graph = GraphNews(self._names)
+        self._statistics = self.graph.diagnostics.statistics
+        self._statistics.details['scenario'] = scenario.name
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._ask_to_stop)
 
@@ -59,6 +82,7 @@ class Run:
         try:
             while outcome is None:
                 now = time.monotonic()
+                self._statistics.begin(time.monotonic_ns())
                 news = self.graph.listen(now)
                 self._obey()
                 phase = self._supervisor.phase
@@ -68,6 +92,7 @@ class Run:
                 if now >= next_status:
                     next_status = now + STATUS_S
                     self._show(now, news)
+                self._statistics.tick(round(1e9 * (time.monotonic() - now)))
                 time.sleep(PERIOD_S)
         finally:
             self._supervisor.kill()
@@ -106,10 +131,22 @@ class Run:
         self._lock.note(held)
         before, self._used = self._used, (now, used)
         shares = processor_shares(before[1], used, now - before[0])
-        ended = self._supervisor.ended
-        rows = status_rows(self._names, ended, news.ready, self.graph.reports, shares, now)
-        progress = progress_line(news.clock, self._duration, self.graph.wall_time)
+        reports = reports_of_run(self._names, self._supervisor.ended, self.graph.heard, now)
+        self._tell_health(reports)
+        rows = [row_of(report, shares.get(report.name)) for report in reports]
+        wall_time = self.graph.wall_time
+        progress = progress_line(news.clock, self._duration, wall_time, news.paused)
         self._printer.status(now, progress, rows)
+
+    def _tell_health(self, reports: list[Report]) -> None:
+        """Tell of the run, and of those who can't tell any more how they fare."""
+        others = [report for report in reports if is_told_of(report)]
+        there = [name for name in self._names if name not in self._supervisor.ended]
+        self._statistics.details['nodes'] = ' '.join(there)
+        self._statistics.state = 'running'
+        self._statistics.details['phase'] = self._supervisor.phase.value
+        self._statistics.faults = faults_of_run(reports)
+        self.graph.diagnostics.publish(time.monotonic_ns(), others)
 
 
 def check_writable(path: Path) -> None:
@@ -132,6 +169,8 @@ def supervise(options: Options) -> int:
     )
     if options.json is not None:
         check_writable(options.json)
+    if options.front is not None:
+        check_front(options.front)
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     lock = DomainLock(domain)
     shared_memory.remove(lock.leftovers)
@@ -139,9 +178,13 @@ def supervise(options: Options) -> int:
     folder = make_run_folder(scenario, date, options.output, options.record)
     printer = Printer(sys.stdout, sys.stdout.isatty())
     printer.say(f'{scenario.name}: {scenario.description}\nrun in {folder.path}')
-    run = Run(scenario, folder, printer, lock)
+    plan = process_plan(scenario, folder.parameters, options.record)
+    if options.front is not None:
+        plan = (*plan, viewer_process(options.front.arguments()))
+    run = Run(scenario, plan, folder, printer, lock)
     outcome = run.until_it_ends()
     wall_time = run.graph.wall_time
+    run.graph.diagnostics.close()
     run.graph.destroy_node()
     shared_memory.remove_ports(int(domain))
     lock.release()
@@ -153,8 +196,11 @@ def supervise(options: Options) -> int:
 
 
 def main() -> None:
-    """Run the supervisor."""
-    options = parse(remove_ros_args(sys.argv)[1:])
+    """Run the supervisor, or show what a running one and all others tell."""
+    arguments = remove_ros_args(sys.argv)[1:]
+    if arguments[:1] == [WORD]:
+        run_verb(lambda _: show_status(parse_status(arguments[1:])))
+    options = parse(arguments)
     try:
         find_each_other_fast()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

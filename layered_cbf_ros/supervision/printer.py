@@ -6,40 +6,28 @@ import shutil
 from collections.abc import Sequence
 from typing import TextIO
 
-from layered_cbf_ros.supervision.status import Row
+from layered_cbf_ros.supervision.status_table import Row, table_lines
 
 COLOURS = (36, 33, 32, 35, 34, 96, 93, 92, 95, 94)
 BAR = 30
 DIM = 2
 
 
-def progress_line(clock: float | None, duration: float, wall: float) -> str:
+def progress_line(clock: float | None, duration: float, wall: float, paused: bool = False) -> str:
     """Return simulated time as a bar, with the real-time factor.
 
     Args:
         clock: Simulated time [s], None before the first word of it.
         duration: Longest simulated time of the run [s].
-        wall: Wall time since the start of the simulation [s].
+        wall: Wall time since the start of the simulation, without pauses [s].
+        paused: Whether the time stands still.
     """
     if clock is None:
-        return f'[{"-" * BAR}] starting'
+        return f'[{"-" * BAR}] {"paused" if paused else "starting"}'
     done = min(1.0, clock / duration)
     bar = ('#' * round(BAR * done)).ljust(BAR, '-')
     factor = f', real-time factor {clock / wall:.2f}' if wall > 0.0 else ''
-    return f'[{bar}] {clock:.1f} of {duration:g} s{factor}'
-
-
-def table_lines(rows: Sequence[Row]) -> list[str]:
-    """Return the status table as aligned text."""
-    width = max((len(row.name) for row in rows), default=0)
-    states = max((len(row.state) for row in rows), default=0)
-    lines = []
-    for row in rows:
-        rate = '' if row.rate is None else f'{row.rate:.0f} Hz'
-        share = '' if row.processor is None else f'{100.0 * row.processor:.0f} % CPU'
-        cells = f'{row.name:<{width}}  {row.state:<{states}}  {rate:>8}  {share:>9}  {row.note}'
-        lines.append(cells.rstrip())
-    return lines
+    return f'[{bar}] {clock:.1f} of {duration:g} s{factor}{", paused" if paused else ""}'
 
 
 class Printer:
@@ -76,13 +64,19 @@ class Printer:
         """Show how the run goes; where there is no terminal, now and then."""
         if self._terminal:
             columns = shutil.get_terminal_size().columns
-            lines = [*table_lines(rows), progress]
-            self._erase()
-            self._block = [self._painted(line[: columns - 1], DIM) for line in lines]
-            self._draw()
+            table = table_lines(rows, columns, coloured=True)
+            self.show([*table, self._painted(progress[: columns - 1], DIM)])
         elif now >= self._next_status:
             self._next_status = now + self._pipe_pause
             print(progress, file=self._stream, flush=True)
+
+    def show(self, lines: Sequence[str]) -> None:
+        """Make these lines the block; where there is no terminal, print them."""
+        self._erase()
+        self._block = list(lines)
+        self._draw()
+        if not self._terminal:
+            self._block, self._shown = [], 0
 
     def end(self) -> None:
         """Remove the block."""

@@ -1,4 +1,4 @@
-"""The state of every process of a run, as rows of a table."""
+"""The state of every node of a run: what it tells, or what its supervisor knows of it."""
 
 from __future__ import annotations
 
@@ -7,98 +7,83 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from layered_cbf_ros.health import TOLD_BY, Fault, Level, Report
 from layered_cbf_ros.supervision.child import describe_exit
 
 STALE_AFTER = 3.0
 """A running node whose diagnostics are older is not trusted any more [s]."""
+SUPERVISOR = '/supervisor'
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class Heard:
     """The last diagnostics of a node.
 
     Attributes:
-        values: Its key-values.
-        heard_at: Wall time when they came [s].
+        report: What it told.
+        at: Wall time when that came [s].
     """
 
-    values: Mapping[str, str]
-    heard_at: float
+    report: Report
+    at: float
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One line of the table.
-
-    Attributes:
-        name: Full name of the node.
-        state: One word, or how it ended.
-        rate: Ticks per wall second [Hz], None if unknown.
-        processor: Share of one processor core it uses, None if unknown.
-        note: What a person should know, '' if nothing.
-    """
-
-    name: str
-    state: str
-    rate: float | None
-    processor: float | None
-    note: str
-
-
-def silent_nodes(names: Sequence[str], reports: Mapping[str, Report], now: float) -> list[str]:
+def silent_nodes(names: Sequence[str], heard: Mapping[str, Heard], now: float) -> list[str]:
     """Return the nodes whose diagnostics have stopped."""
-    return [
-        name for name in names if name in reports and now - reports[name].heard_at > STALE_AFTER
-    ]
+    return [name for name in names if name in heard and now - heard[name].at > STALE_AFTER]
 
 
-def status_rows(
+def reports_of_run(
     names: Sequence[str],
     ended: Mapping[str, int],
-    ready: frozenset[str],
-    reports: Mapping[str, Report],
-    processor: Mapping[str, float],
+    heard: Mapping[str, Heard],
     now: float,
-) -> list[Row]:
-    """Fold all that is known into one row for each node.
+) -> list[Report]:
+    """Return what is known of each node of a run: by itself, or else by its supervisor.
+
+    Of a node that is silent or dead the last figures are told again, so that no counter
+    seems to fall, and no evidence is lost. A node that ended in order keeps its last word.
 
     Args:
         names: All nodes of the run.
         ended: Exit codes of those that have ended.
-        ready: Those that told to be ready.
-        reports: Last diagnostics, by node.
-        processor: Share of a core, by node.
+        heard: Last diagnostics, by node.
         now: Wall time [s].
     """
-    stale = silent_nodes(names, reports, now)
-    rows = []
+    silent = silent_nodes(names, heard, now)
+    reports = []
     for name in names:
-        values = reports[name].values if name in reports else {}
-        if name in ended:
-            state = describe_exit(ended[name])
-        elif name in stale:
-            state = 'STALE'
+        last = heard[name].report if name in heard else Report(name, Level.OK, '', {})
+        if ended.get(name):
+            reports.append(_told_of(last, Level.ERROR, 'ended', describe_exit(ended[name])))
+        elif name in silent and name not in ended:
+            words = f'silent for {now - heard[name].at:.0f} s'
+            reports.append(_told_of(last, Level.STALE, 'silent', words))
+        elif name in heard:
+            reports.append(last)
         else:
-            state = 'running' if name in ready else 'starting'
-        rate = _number(values.get('rate_hz', '')) if state == 'running' else None
-        rows.append(Row(name, state, rate, processor.get(name), _note(values)))
-    return rows
+            state = 'ended' if name in ended else 'starting'
+            reports.append(_told_of(last, Level.OK, state, ''))
+    return reports
 
 
-def _note(values: Mapping[str, str]) -> str:
-    """Return what is out of the ordinary."""
-    notes = [f'waits for {values["waiting_for"]}'] if values.get('waiting_for') else []
-    for key in ('solver_failures', 'slack_events', 'rejected', 'deadline_misses', 'lost'):
-        if values.get(key, '0') not in ('0', ''):
-            notes.append(f'{values[key]} {key.replace("_", " ")}')
-    return ', '.join(notes)
+def is_told_of(report: Report) -> bool:
+    """Tell whether somebody else than the node itself reports it."""
+    return bool(report.values.get(TOLD_BY))
 
 
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
+def _told_of(last: Report, level: Level, state: str, words: str) -> Report:
+    values = {**last.values, 'state': state, 'faults': words, TOLD_BY: SUPERVISOR}
+    return Report(last.name, level, words, values, last.hardware_id)
+
+
+def faults_of_run(reports: Sequence[Report]) -> tuple[Fault, ...]:
+    """Return what a supervisor knows to be wrong: nodes that can't tell it any more."""
+    return tuple(
+        Fault(report.name, min(report.level, Level.ERROR), f'{report.name} {report.message}')
+        for report in reports
+        if is_told_of(report) and report.level > Level.OK
+    )
 
 
 def processor_shares(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.health import TOLD_BY
 from layered_cbf_ros.interfaces import Array
 
 COUNTERS = ('solver_failures', 'slack_events', 'deadline_misses', 'rejected')
@@ -50,6 +51,8 @@ class NodeHealth:
         """
         for status in message.status:
             values = {entry.key: entry.value for entry in status.values}
+            if values.get(TOLD_BY):  # repeated by somebody else, for a node that fell silent
+                continue
             lost = self._before_restart.setdefault(status.name, dict.fromkeys(COUNTERS, 0))
             previous = self.last.get(status.name, {})
             for key in COUNTERS:
