@@ -11,10 +11,10 @@ import numpy as np
 
 from layered_cbf_ros.ground_forces.ground_force_mpc import (
     GroundForceMpc,
-    MpcInputs,
     MpcResult,
     MpcState,
 )
+from layered_cbf_ros.ground_forces.mpc_inputs import MpcInputs
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.ground_forces.single_rigid_body import RigidBody
 from layered_cbf_ros.interfaces import PlannedMotion, RobotState

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from layered_cbf_ros.ground_forces.condensed_qp import CondensedQp, QpSolution
 from layered_cbf_ros.ground_forces.gait import Gait, GaitState, touch_downs
+from layered_cbf_ros.ground_forces.mpc_inputs import MpcInputs
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.ground_forces.single_rigid_body import (
     RigidBody,
@@ -36,41 +37,6 @@ class MpcStatus(enum.Enum):
     SOLVED = 'solved'
     SOLVER_FAILED = 'solver failed'
     BAD_INPUT = 'input not finite'
-
-
-@dataclass(frozen=True, slots=True)
-class MpcInputs:
-    """What is measured and wanted at one stamp.
-
-    Attributes:
-        stamp_ns: Stamp of the measured state [ns].
-        position: CoM position, world [m], (3,).
-        velocity: CoM velocity, world [m/s], (3,).
-        rotation: Orientation, base to world, (3, 3).
-        angular_velocity: Base frame [rad/s], (3,).
-        feet: Centres of the toe spheres, world [m], (4, 3).
-        motion: The safe motion to follow; of any stamp, it is extrapolated.
-        height: Wanted height of the CoM above the ground [m].
-        halt: Whether to brake along the motion, finish the swing and stand.
-    """
-
-    stamp_ns: int
-    position: Array
-    velocity: Array
-    rotation: Array
-    angular_velocity: Array
-    feet: Array
-    motion: PlannedMotion
-    height: float
-    halt: bool = False
-
-    def is_finite(self) -> bool:
-        """Tell whether every number is one."""
-        motion = self.motion
-        body = (self.position, self.velocity, self.rotation, self.angular_velocity, self.feet)
-        wanted = (motion.position, motion.velocity, motion.acceleration)
-        numbers = (motion.yaw, motion.yaw_rate, self.height)
-        return bool(np.isfinite(np.concatenate(body + wanted + numbers, axis=None)).all())
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,12 +151,15 @@ class GroundForceMpc:
 
     def _reference(self, inputs: MpcInputs) -> PlannedMotion:
         """Return the motion to follow, at the inputs' stamp."""
-        if inputs.halt:
-            return inputs.motion.braked(inputs.stamp_ns, self._parameters.braking)
-        return inputs.motion.at(inputs.stamp_ns)
+        motion = inputs.motion
+        if not inputs.halt:
+            return motion.at(inputs.stamp_ns)
+        braked = motion.braked(inputs.stamp_ns, self._parameters.braking)
+        return dataclasses.replace(braked, vertical_velocity=motion.vertical_velocity)
 
     def _advance_gait(self, gait: GaitState, inputs: MpcInputs, slow: bool) -> GaitState:
-        stand = self._parameters.gait == 'stand' or (inputs.halt and slow)
+        sits = inputs.motion.height != 0.0  # or stands up again
+        stand = self._parameters.gait == 'stand' or sits or (inputs.halt and slow)
         return self._gait.advance(gait, inputs.stamp_ns, stand)
 
     def _present(self, inputs: MpcInputs) -> Array:
@@ -204,14 +173,16 @@ class GroundForceMpc:
     def _desired(self, inputs: MpcInputs, reference: PlannedMotion) -> Array:
         """Return the states wanted after 1..N_h steps, (N_h, 12).
 
-        The acceleration and the yaw rate of the reference are held constant, and
-        the rotation vector grows by the yaw rate: to first order, as in the model.
+        The acceleration, the yaw rate and the vertical velocity of the reference are
+        held constant, and the rotation vector grows by the yaw rate: to first order,
+        as in the model.
         """
         cos, sin = math.cos(reference.yaw), math.sin(reference.yaw)
         heading = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
         series = np.zeros((3, 12))  # of the desired state in powers of time
         series[0, 0:2] = reference.position
-        series[0, 2] = inputs.height
+        series[0, 2] = inputs.height + reference.height
+        series[0, 5] = series[1, 2] = reference.vertical_velocity
         series[0, 3:5] = series[1, 0:2] = reference.velocity
         series[0, 6:9] = log_rotation(inputs.rotation.T @ heading)
         series[0, 11] = series[1, 8] = reference.yaw_rate

@@ -51,6 +51,25 @@ class WholeBodyParameters:
     joint_damping: float = parameter(
         2.0, 'damping of the joints when no torque is known', 'Nms/rad', minimum=0.0, maximum=20.0
     )
+    sit_height: float = parameter(
+        0.062,
+        'planned CoM height below which the robot lies damped',
+        'm',
+        minimum=0.0,
+        maximum=0.25,
+    )
+    fall_gap: float = parameter(
+        0.13, 'a robot that is lower than planned by this is damped', 'm', 0.05, 0.3
+    )
+    rise_gap: float = parameter(
+        0.05, 'a damped robot rises only with a plan this near above it', 'm', 0.0, 0.1
+    )
+    height_step: float = parameter(
+        0.02, 'a robot whose plan leaps up by more is damped', 'm', 0.001, 0.1
+    )
+    damping_tilt: float = parameter(
+        35.0, 'a robot that is tilted farther is damped', 'deg', 5.0, 90.0
+    )
     cost_scale: float = parameter(
         1e-4, 'factor on the whole cost, for its conditioning', minimum=1e-9, maximum=1.0
     )

@@ -5,11 +5,12 @@ The whole-body controller's node and whoever repeats its ticks from a bag both u
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from layered_cbf_ros.interfaces import GroundForcePlan, PlannedMotion, RobotState
 from layered_cbf_ros.plan_following import follow
 from layered_cbf_ros.robot_model import RobotModel, yaw_of
+from layered_cbf_ros.whole_body.lying import is_left_damped
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
 from layered_cbf_ros.whole_body.whole_body_controller import (
     WholeBodyController,
@@ -20,10 +21,19 @@ from layered_cbf_ros.whole_body.whole_body_controller import (
 
 @dataclass(frozen=True, slots=True)
 class TorqueMemory:
-    """What one tick hands to the next: the feet's swings, and the plan being followed."""
+    """What one tick hands to the next.
+
+    Attributes:
+        feet: Their swings.
+        last: The plan being followed.
+        motion: What was followed at the tick's stamp.
+        damped: Whether the robot lies, its joints only damped.
+    """
 
     feet: WholeBodyState
     last: PlannedMotion
+    motion: PlannedMotion
+    damped: bool
 
 
 class TorqueLayer:
@@ -34,7 +44,7 @@ class TorqueLayer:
 
     def __init__(self, parameters: WholeBodyParameters) -> None:
         """Make the controller and its model."""
-        self._braking = parameters.braking
+        self._parameters = parameters
         self._model = RobotModel(parameters.com_height)
         self._controller = WholeBodyController(parameters, self._model)
 
@@ -56,19 +66,36 @@ class TorqueLayer:
         Returns:
             The memory for the next tick, and the controller's result.
         """
-        model = self._model
-        feet = self._controller.start(state.stamp_ns) if memory is None else memory.feet
-        if forces is None:
-            plan = None  # without its gait a robot can only stand
-        if plan is None:
-            model.update_kinematics(state.configuration, state.velocity)
+        model, before = self._model, memory
+        model.update_kinematics(state.configuration, state.velocity)
         followed = follow(
-            None if memory is None else memory.last,
+            None if before is None else before.last,
             state.stamp_ns,
-            plan,
+            plan if forces is not None else None,  # without its gait a robot can only stand
             model.com[:2],
             yaw_of(model.rotation),
-            self._braking,
+            self._parameters.braking,
         )
-        result = self._controller.step(feet, state, followed.motion, forces)
-        return TorqueMemory(result.state, followed.last), result
+        motion = followed.motion
+        if forces is None and plan is not None:
+            motion = _at_height_of(plan, motion)
+        damped = is_left_damped(
+            before is not None and before.damped,
+            None if before is None else before.motion,
+            motion,
+            float(model.com[2]),
+            model.rotation,
+            self._parameters,
+        )
+        if damped:
+            result = self._controller.damp(state)
+        else:
+            feet = self._controller.start(state.stamp_ns) if before is None else before.feet
+            result = self._controller.step(feet, state, motion, forces)
+        return TorqueMemory(result.state, followed.last, motion, damped), result
+
+
+def _at_height_of(plan: PlannedMotion, motion: PlannedMotion) -> PlannedMotion:
+    """Return a motion at the height of a plan: who can only stand can also sit down."""
+    there = plan.at(motion.stamp_ns)
+    return replace(motion, height=there.height, vertical_velocity=there.vertical_velocity)

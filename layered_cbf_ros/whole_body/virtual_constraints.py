@@ -65,14 +65,19 @@ class OutputDynamics:
 
 
 def level_body(motion: PlannedMotion, com_height: float) -> BodyReference:
-    """Return a body that follows a planar motion, level and at one height [m]."""
+    """Return a level body that follows a motion.
+
+    Args:
+        motion: In the plane, and up and down.
+        com_height: Height of the CoM when the robot stands [m].
+    """
     cos, sin = math.cos(motion.yaw), math.sin(motion.yaw)
     x, y = motion.position.tolist()
     vx, vy = motion.velocity.tolist()
     ax, ay = motion.acceleration.tolist()
     return BodyReference(
-        np.array([x, y, com_height]),
-        np.array([vx, vy, 0.0]),
+        np.array([x, y, com_height + motion.height]),
+        np.array([vx, vy, motion.vertical_velocity]),
         np.array([ax, ay, 0.0]),
         np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]),
         np.array([0.0, 0.0, motion.yaw_rate]),

@@ -19,6 +19,7 @@ from layered_cbf_ros.interfaces import (
 from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.rounding import rounded
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
+from layered_cbf_ros.whole_body.sitting import sitting_body
 from layered_cbf_ros.whole_body.swing_curve import SwingCurve
 from layered_cbf_ros.whole_body.torque_qp import TorqueQp
 from layered_cbf_ros.whole_body.virtual_constraints import (
@@ -102,6 +103,9 @@ class WholeBodyController:
                 feet in stance carry the robot evenly.
         """
         body = level_body(motion, self._parameters.com_height)
+        if motion.height < 0.0:
+            self._model.update_kinematics(robot.configuration, robot.velocity)
+            body = sitting_body(body, motion, self._model.feet)
         return self.track(state, robot, body, plan)
 
     def track(
@@ -122,8 +126,7 @@ class WholeBodyController:
         if solution.solved:
             torques = rounded(solution.torques, self._parameters.torque_resolution)
         else:
-            limits = self._parameters.joint_damping, self._parameters.torque_limit
-            torques = damping_torques(robot.velocity[6:], *limits)
+            torques = self._damping(robot)
         return WholeBodyResult(
             # An input that isn't a number must not live on in the state.
             present if math.isfinite(solution.residual) else state,
@@ -133,6 +136,15 @@ class WholeBodyController:
             solution.status,
             solution.solved,
         )
+
+    def damp(self, robot: RobotState) -> WholeBodyResult:
+        """Return torques that only damp the joints; all feet count as standing."""
+        feet, torques = self.start(robot.stamp_ns), self._damping(robot)
+        return WholeBodyResult(feet, torques, np.zeros((4, 3)), np.zeros(18), 'DAMPED', True)
+
+    def _damping(self, robot: RobotState) -> Array:
+        limits = self._parameters.joint_damping, self._parameters.torque_limit
+        return damping_torques(robot.velocity[6:], *limits)
 
     def _feet(self, state: WholeBodyState) -> FeetReference:
         """Return the desired motion of the swing feet."""
