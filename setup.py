@@ -16,6 +16,8 @@ EXECUTABLES = (
     'replay',
     'simulator',
     'supervisor',
+    'teleop',
+    'viewer',
     'whole_body_controller',
 )
 
@@ -38,6 +40,7 @@ setup(
     maintainer_email='layered-cbf-ros@users.noreply.github.com',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['viewing/front/page/*']},
     python_requires='>=3.10',
     install_requires=[
         'lz4',
@@ -57,7 +60,14 @@ setup(
         'ros': ['ros-jazzy-rclpy', 'ros-jazzy-rmw-fastrtps-cpp', 'ros-jazzy-common-interfaces'],
         # For `inspect --export parquet`.
         'parquet': ['pyarrow'],
-        'test': ['mcap-ros2-support', 'mypy', 'pyarrow', 'pytest', 'ruff'],
+        # For the page in the browser.
+        'viewer': ['aiohttp', 'viser'],
+        # For `inspect --video` as mp4; GIF needs nothing.
+        'video': ['imageio-ffmpeg'],
+        'test': [
+            *('aiohttp', 'imageio-ffmpeg', 'mcap-ros2-support', 'mypy', 'playwright'),
+            *('pyarrow', 'pytest', 'ruff', 'viser'),
+        ],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

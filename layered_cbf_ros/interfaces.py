@@ -48,6 +48,43 @@ class RobotState:
 
 
 @dataclass(frozen=True, slots=True)
+class BaseState:
+    """Measured motion in the plane of a robot that has its own locomotion.
+
+    Attributes:
+        stamp_ns: Time of the measurement [ns].
+        position: Of its centre in the world [m], (2,).
+        velocity: Of this point in the world [m/s], (2,).
+        yaw: Heading [rad].
+        yaw_rate: Its rate [rad/s].
+    """
+
+    stamp_ns: int
+    position: Array
+    velocity: Array
+    yaw: float
+    yaw_rate: float
+
+    def at(self, stamp_ns: int) -> BaseState:
+        """Return the motion a little later, at the same velocities."""
+        dt = (stamp_ns - self.stamp_ns) / NS_PER_S
+        place, yaw = self.position + dt * self.velocity, self.yaw + dt * self.yaw_rate
+        return BaseState(stamp_ns, place, self.velocity, yaw, self.yaw_rate)
+
+    def ahead(self, length: float) -> BaseState:
+        """Return the motion of a point of the base ahead of its centre by a length [m]."""
+        forward = np.array([math.cos(self.yaw), math.sin(self.yaw)])
+        left = np.array([-forward[1], forward[0]])
+        return BaseState(
+            self.stamp_ns,
+            self.position + length * forward,
+            self.velocity + length * self.yaw_rate * left,
+            self.yaw,
+            self.yaw_rate,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class PlannedMotion:
     """What the coordinator lets one robot do: one point of its safe trajectory.
 

@@ -6,6 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from layered_cbf_ros.patterns import Pattern
+from layered_cbf_ros.scenario_operator import PadStep
+
+BULLET, BASES = 'bullet', 'bases'
+LEGGED, OMNI, UNICYCLE = 'legged', 'omni', 'unicycle'
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,9 @@ class Robot:
         gait: 'trot' or 'stand'.
         desired: What it wants.
         payload: Extra mass fixed to the trunk, may be negative [kg].
+        kind: 'legged': an A1 with the layers below; 'omni' or 'unicycle': a base with its
+            own locomotion, which moves in every direction, or only forward and back.
+        radius: Of the disc that a base is kept apart by [m], None: the coordinator's.
     """
 
     name: str
@@ -55,6 +62,12 @@ class Robot:
     gait: str = 'trot'
     desired: Desired = field(default_factory=Desired)
     payload: float = 0.0
+    kind: str = LEGGED
+    radius: float | None = None
+
+    def disc(self, agent_radius: float) -> float:
+        """Return the radius of its disc, given that of robots without their own [m]."""
+        return agent_radius if self.radius is None else self.radius
 
 
 @dataclass(frozen=True)
@@ -155,12 +168,13 @@ class Scenario:
         seed: Seed of everything random.
         duration: Longest simulated time [s].
         time: 'lockstep' or 'real_time'.
-        plant: 'bullet'.
+        plant: 'bullet': A1s and their layers; 'bases': bases with their own locomotion.
         goal_tolerance: Distance at which a goal counts as reached [m].
         robots, obstacles, walls: Who is there.
         world: The ground and the disturbances.
         rates: How often the graph computes.
         parameters: Node parameters that differ from params/*.yaml, by node.
+        operator: What a simulated operator holds on a virtual pad.
     """
 
     name: str
@@ -176,3 +190,4 @@ class Scenario:
     world: World = field(default_factory=World)
     rates: Rates = field(default_factory=Rates)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    operator: tuple[PadStep, ...] = ()

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS, check_parameters, parameter_names
 from layered_cbf_ros.patterns import Standing
-from layered_cbf_ros.scenario import Obstacle, Robot, Scenario, Wall
+from layered_cbf_ros.scenario import BASES, Obstacle, Robot, Scenario, Wall, World
+from layered_cbf_ros.scenario_operator import STEERED
 from layered_cbf_ros.yaml_entry import suggestion
 
 BODY_RADIUS = 0.3  # a disc of this radius contains a standing A1 [m]
@@ -55,6 +56,8 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
     yield from _starts(scenario)
     yield from _goals(scenario)
     yield from _pushes(scenario)
+    yield from _legless(scenario)
+    yield from _steered(scenario)
     yield from _overrides(scenario)
     yield from _disagreements(scenario)
 
@@ -76,41 +79,41 @@ def _names(scenario: Scenario) -> Iterator[Problem]:
 
 def _starts(scenario: Scenario) -> Iterator[Problem]:
     for i, robot in enumerate(scenario.robots):
-        path, where = ('robots', i, 'position'), f"puts '{robot.name}' "
+        path, where, size = ('robots', i, 'position'), f"puts '{robot.name}' ", _disc(robot)
         for wall in scenario.walls:
             room = _room(robot.position, wall)
-            if room < BODY_RADIUS:
+            if room < size:
                 what = f"{where}{room:.2f} m from wall '{wall.name}'"
-                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+                yield Problem(path, what, f'leave {size:g} m')
         for obstacle in scenario.obstacles:
             gap = math.dist(robot.position, obstacle.motion.at(0.0)[0]) - obstacle.radius
-            if gap < BODY_RADIUS:
+            if gap < size:
                 what = f"{where}{gap:.2f} m from the surface of '{obstacle.name}' at the start"
-                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+                yield Problem(path, what, f'leave {size:g} m')
         for other in scenario.robots[:i]:
-            apart = math.dist(robot.position, other.position)
-            if apart < 2.0 * BODY_RADIUS:
+            apart, least = math.dist(robot.position, other.position), size + _disc(other)
+            if apart < least:
                 what = f"{where}{apart:.2f} m from '{other.name}'"
-                yield Problem(path, what, f'leave {2.0 * BODY_RADIUS} m between centres')
+                yield Problem(path, what, f'leave {least:g} m between centres')
 
 
 def _goals(scenario: Scenario) -> Iterator[Problem]:
     for i, robot in enumerate(scenario.robots):
-        goal = robot.desired.goal
+        goal, size = robot.desired.goal, _disc(robot)
         if goal is None:
             continue
         path = ('robots', i, 'desired', 'goal')
         for wall in scenario.walls:
-            if _room(goal, wall) < BODY_RADIUS:
+            if _room(goal, wall) < size:
                 what = f"lies {_room(goal, wall):.2f} m from wall '{wall.name}'"
-                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+                yield Problem(path, what, f'leave {size:g} m')
         for obstacle in scenario.obstacles:
             if not isinstance(obstacle.motion, Standing):
                 continue
             gap = math.dist(goal, obstacle.motion.position) - obstacle.radius
-            if gap < BODY_RADIUS:
+            if gap < size:
                 what = f"lies {gap:.2f} m from the surface of '{obstacle.name}', which stands there"
-                yield Problem(path, what, f'leave {BODY_RADIUS} m')
+                yield Problem(path, what, f'leave {size:g} m')
 
 
 def _pushes(scenario: Scenario) -> Iterator[Problem]:
@@ -120,6 +123,25 @@ def _pushes(scenario: Scenario) -> Iterator[Problem]:
         if push.robot not in names:
             remedy = f'{suggestion(push.robot, names)}the robots are {", ".join(names)}'
             yield Problem(path, f"is '{push.robot}', which isn't there", remedy)
+
+
+def _legless(scenario: Scenario) -> Iterator[Problem]:
+    """Find what only acts on legs, in a world without them."""
+    if scenario.plant != BASES:
+        return
+    for field in ('friction', 'torque_delay', 'pushes'):
+        if getattr(scenario.world, field) != getattr(World(), field):
+            remedy = f'leave {field} out: bases follow velocities, not forces'
+            yield Problem(('world', field), f'means nothing to plant: {BASES}', remedy)
+
+
+def _steered(scenario: Scenario) -> Iterator[Problem]:
+    names = [robot.name for robot in scenario.robots]
+    known = (*names, *STEERED)
+    for k, step in enumerate(scenario.operator):
+        if step.steer and step.steer not in known:
+            remedy = f'{suggestion(step.steer, known)}steer one of {", ".join(known)}'
+            yield Problem(('operator', k, 'steer'), f"is '{step.steer}', which isn't there", remedy)
 
 
 def _overrides(scenario: Scenario) -> Iterator[Problem]:
@@ -152,6 +174,11 @@ def _disagreements(scenario: Scenario) -> Iterator[Problem]:
             node = SHARING[name not in mine]
             what = f'differs between {" and ".join(SHARING)}'
             yield Problem(('parameters', node, name), what, 'give both the same')
+
+
+def _disc(robot: Robot) -> float:
+    """Return the radius of a robot's disc, as far as the scenario tells it [m]."""
+    return robot.disc(BODY_RADIUS)
 
 
 def _room(point: Point, wall: Wall) -> float:

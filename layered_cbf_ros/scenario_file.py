@@ -14,9 +14,11 @@ from typing import Any
 from layered_cbf_ros.errors import ScenarioError
 from layered_cbf_ros.patterns import Pattern
 from layered_cbf_ros.resources import find_folder
-from layered_cbf_ros.scenario import Desired, Rates, Scenario, World
+from layered_cbf_ros.scenario import LEGGED, Desired, Scenario, World
 from layered_cbf_ros.scenario_checks import problems
+from layered_cbf_ros.scenario_operator import pad_step_form, read_operator
 from layered_cbf_ros.scenario_parts import (
+    DEFAULT_RATES,
     PATTERNS,
     PLANTS,
     TIMES,
@@ -63,8 +65,13 @@ def to_json(scenario: Scenario) -> str:
     form: dict[str, Any] = asdict(scenario)
     for robot, entry in zip(scenario.robots, form['robots'], strict=True):
         entry['desired'] = _desired_form(robot.desired)
+        if robot.kind != LEGGED:
+            del entry['payload']
+        if robot.radius is None:
+            del entry['radius']
     for obstacle, entry in zip(scenario.obstacles, form['obstacles'], strict=True):
         entry['motion'] = _pattern_form(obstacle.motion)
+    form['operator'] = [pad_step_form(step) for step in scenario.operator]
     return json.dumps(form, ensure_ascii=False)
 
 
@@ -105,7 +112,7 @@ def _parse(text: str, source: str, name: str) -> Scenario:
         ('description', 'duration', 'robots'),
         (
             *('name', 'seed', 'time', 'plant', 'goal_tolerance'),
-            *('obstacles', 'walls', 'world', 'rates', 'parameters'),
+            *('obstacles', 'walls', 'world', 'rates', 'parameters', 'operator'),
         ),
     )
     settings: dict[str, Any] = {
@@ -115,15 +122,17 @@ def _parse(text: str, source: str, name: str) -> Scenario:
         'goal_tolerance': 0.2,
         **read_run_settings(entries),
     }
+    plant = settings['plant']
     scenario = Scenario(
         name=entries['name'].text() if 'name' in entries else name,
         description=entries['description'].text(),
-        robots=tuple(read_robot(entry) for entry in entries['robots'].entries()),
+        robots=tuple(read_robot(entry, plant) for entry in entries['robots'].entries()),
         obstacles=tuple(read_obstacle(entry) for entry in list_of(entries, 'obstacles')),
         walls=tuple(read_wall(entry) for entry in list_of(entries, 'walls')),
         world=read_world(entries['world']) if 'world' in entries else World(),
-        rates=read_rates(entries['rates']) if 'rates' in entries else Rates(),
+        rates=(read_rates(entries['rates'], plant) if 'rates' in entries else DEFAULT_RATES[plant]),
         parameters=read_parameters(entries['parameters']) if 'parameters' in entries else {},
+        operator=read_operator(list_of(entries, 'operator')),
         **settings,
     )
     if not scenario.robots:

@@ -7,6 +7,11 @@ from typing import Any
 
 from layered_cbf_ros.patterns import Circle, Line, Pattern, Standing, Waypoints
 from layered_cbf_ros.scenario import (
+    BASES,
+    BULLET,
+    LEGGED,
+    OMNI,
+    UNICYCLE,
     Desired,
     Detections,
     Obstacle,
@@ -21,9 +26,14 @@ from layered_cbf_ros.timing import LOCKSTEP, REAL_TIME
 from layered_cbf_ros.yaml_entry import Entry
 
 TIMES = (LOCKSTEP, REAL_TIME)
-PLANTS = ('bullet',)
+PLANTS = (BULLET, BASES)
+KINDS = {BULLET: (LEGGED,), BASES: (OMNI, UNICYCLE)}
 GAITS = ('trot', 'stand')
-STATE_RATES = (1000, 500, 250)  # whole steps of the simulator's 1 ms
+STATE_RATES = {  # whole steps of the simulator's 1 ms
+    BULLET: (1000, 500, 250),
+    BASES: (1000, 500, 250, 200, 100),
+}
+DEFAULT_RATES = {BULLET: Rates(), BASES: Rates(100, 100, 100)}
 FRAMES = ('body', 'world')
 MAX_SEED = 2**32 - 1
 PATTERNS: dict[str, type] = {
@@ -50,9 +60,10 @@ def read_run_settings(entries: dict[str, Entry]) -> dict[str, Any]:
     return settings
 
 
-def read_robot(entry: Entry) -> Robot:
-    """Read one agent."""
-    entries = entry.mapping(('name', 'position'), ('yaw', 'gait', 'desired', 'payload'))
+def read_robot(entry: Entry, plant: str) -> Robot:
+    """Read one agent of a plant."""
+    own = ('payload',) if plant == BULLET else ('radius',)
+    entries = entry.mapping(('name', 'position'), ('yaw', 'gait', 'desired', 'kind', *own))
     gait = entries['gait'].word(GAITS) if 'gait' in entries else 'trot'
     desired = _desired(entries['desired']) if 'desired' in entries else Desired()
     if gait == 'stand' and desired != Desired():
@@ -64,6 +75,8 @@ def read_robot(entry: Entry) -> Robot:
         gait=gait,
         desired=desired,
         payload=_number(entries, 'payload', 0.0, -4.0, 20.0, '[kg]'),
+        kind=entries['kind'].word(KINDS[plant]) if 'kind' in entries else KINDS[plant][0],
+        radius=entries['radius'].number(0.05, 2.0, '[m]') if 'radius' in entries else None,
     )
 
 
@@ -191,15 +204,17 @@ def _detections(entry: Entry) -> Detections:
     )
 
 
-def read_rates(entry: Entry) -> Rates:
-    """Read the rates; each must fit the one above a whole number of times."""
+def read_rates(entry: Entry, plant: str) -> Rates:
+    """Read the rates of a plant; each must fit the one above a whole number of times."""
+    usual, choices = DEFAULT_RATES[plant], STATE_RATES[plant]
     entries = entry.mapping((), ('state', 'plan', 'detections'))
-    state = entries['state'].whole(1, 1000) if 'state' in entries else 1000
-    if state not in STATE_RATES:
-        entries['state'].refuse(f'give one of {", ".join(map(str, STATE_RATES))} Hz')
-    rates = Rates(state, min(state, Rates.plan))
-    plan = entries['plan'].whole(50, state) if 'plan' in entries else rates.plan
-    detections = entries['detections'].whole(1, state) if 'detections' in entries else 100
+    state = entries['state'].whole(1, 1000) if 'state' in entries else usual.state
+    if state not in choices:
+        entries['state'].refuse(f'give one of {", ".join(map(str, choices))} Hz')
+    plan = entries['plan'].whole(50, state) if 'plan' in entries else min(state, usual.plan)
+    detections = (
+        entries['detections'].whole(1, state) if 'detections' in entries else usual.detections
+    )
     for name, value in (('plan', plan), ('detections', detections)):
         if state % value and name in entries:
             entries[name].refuse(f'give a divisor of the state rate, {state} Hz')

@@ -20,7 +20,8 @@ PYBULLET_WHEELS = VERSIONS[:2]
 # What a Jazzy installation with the dependencies of package.xml may lack.
 BESIDE_JAZZY = (
     *('lz4', 'matplotlib', 'mcap', 'pillow', 'pybullet', 'pyyaml', 'rosbags', 'zstandard'),
-    *('mcap-ros2-support', 'mypy', 'pyarrow', 'pytest', 'ruff'),
+    *('aiohttp', 'imageio-ffmpeg', 'mcap-ros2-support', 'mypy', 'playwright'),
+    *('pyarrow', 'pytest', 'ruff', 'viser'),
 )
 PROBE = """
 import importlib.util, os, sys, sysconfig

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from layered_cbf_ros.ground_forces.ground_force_mpc import GroundForceMpc, MpcInputs, MpcStatus
+from layered_cbf_ros.ground_forces.ground_force_mpc import GroundForceMpc, MpcStatus
+from layered_cbf_ros.ground_forces.mpc_inputs import MpcInputs
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.ground_forces.single_rigid_body import RigidBody
 from layered_cbf_ros.interfaces import (

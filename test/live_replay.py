@@ -76,15 +76,18 @@ class LiveReplay:
     """A running replay.
 
     Attributes:
+        program: What is run; of another program on a terminal, its own.
         screen: What it has shown on its terminal, if it has one.
     """
+
+    program = PROGRAM
 
     def __init__(self, *arguments: str | Path, terminal: bool = False) -> None:
         self.screen = b''
         self._outer, inner = pty.openpty() if terminal else (-1, subprocess.DEVNULL)
         self._inner = inner
         self.process = subprocess.Popen(
-            [sys.executable, '-c', PROGRAM, *map(str, arguments)],
+            [sys.executable, '-c', self.program, *map(str, arguments)],
             env=ENVIRONMENT | {'TERM': 'xterm', 'COLUMNS': '200'},
             stdin=inner,
             stdout=inner if terminal else subprocess.PIPE,

@@ -34,7 +34,7 @@ FORBIDDEN = (
     f'{PACKAGE}.bags.run.evidence',
     f'{PACKAGE}.bags.run.run_record',
 )
-RANGES = f'{PACKAGE}.coordination.parameters'
+RANGES = f'{PACKAGE}.coordination.parameters', f'{PACKAGE}.coordination.fleet_parameters'
 LAW = 1.0, 2.0, 1.5  # horizon [s], gain [1/s], limit [m/s^2]
 
 

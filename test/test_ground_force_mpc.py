@@ -6,10 +6,10 @@ import pytest
 from layered_cbf_ros.ground_forces.condensed_qp import CondensedQp, Cost, force_pyramid
 from layered_cbf_ros.ground_forces.ground_force_mpc import (
     GroundForceMpc,
-    MpcInputs,
     MpcStatus,
     static_forces,
 )
+from layered_cbf_ros.ground_forces.mpc_inputs import MpcInputs
 from layered_cbf_ros.ground_forces.parameters import PAPER_STATE_WEIGHTS, GroundForceParameters
 from layered_cbf_ros.ground_forces.single_rigid_body import (
     AffineModel,
@@ -282,6 +282,43 @@ def test_halted_robot_brakes_and_stands_on_four_feet():
     # From 0.5 m/s at 1 m/s^2 it takes 0.125 m; as much again covers the speed of tracking.
     stopping = rows[-1, 1] - rows[np.searchsorted(rows[:, 0], 2.07), 1]
     assert 0.05 < stopping < 0.25
+
+
+def planned(height, climb=0.0, velocity=0.0):
+    return dataclasses.replace(
+        STANDING, height=height, vertical_velocity=climb, velocity=np.array([velocity, 0.0])
+    )
+
+
+def test_a_robot_that_sits_is_carried_where_it_is_planned():
+    """At its planned height it carries its weight; above it less, below it more."""
+    for lower, compare in ((-0.05, 'same'), (-0.06, 'less'), (-0.04, 'more')):
+        inputs = standing_inputs(position=np.array([0.0, 0.0, 0.21]), motion=planned(lower))
+        carried = one_step(inputs).plan.forces[:, 2].sum()
+        if compare == 'same':
+            assert carried == pytest.approx(WEIGHT, rel=0.01)
+        else:
+            assert (carried < 0.95 * WEIGHT) == (compare == 'less')
+
+
+def test_a_planned_descent_accelerates_the_body_downwards():
+    still, sinking = (one_step(standing_inputs(motion=planned(0.0, v))) for v in (0.0, -0.1))
+    assert sinking.plan.predicted[5] < still.plan.predicted[5] - 0.01
+
+
+def test_the_gait_ends_when_the_robot_is_to_sit_or_is_not_up_yet():
+    """However fast it is, for at most one swing more; up again, it trots on."""
+    mpc = GroundForceMpc(GroundForceParameters(), BODY)
+    state, stances = mpc.start(0), []
+    for k in range(600):
+        height = -0.01 if 200 <= k < 400 else 0.0
+        motion = dataclasses.replace(planned(height, velocity=0.3), stamp_ns=k * TICK_NS)
+        result = mpc.step(state, standing_inputs(stamp_ns=k * TICK_NS, motion=motion))
+        state = result.state
+        stances.append(result.plan.in_stance.all())
+    assert not any(stances[150:200])
+    assert all(stances[300:400])  # 0.2 s is a swing
+    assert not any(stances[405:])
 
 
 def test_halted_robot_steps_on_until_it_is_slow():

@@ -248,6 +248,52 @@ def test_a_mistake_is_named_with_its_line_and_a_remedy(refusal, right, wrong, li
     assert words in text
 
 
+FLEET = """\
+description: Two bases.
+duration: 20.0
+plant: bases
+robots:
+  - name: base_0
+    kind: unicycle
+    position: [0.0, 0.0]
+    radius: 0.4
+  - {name: base_1, position: [0.0, 2.0]}
+world: {detections: {noise: 0.01}}
+"""
+
+
+@pytest.mark.parametrize(
+    ('right', 'wrong', 'line', 'words'),
+    [
+        ('kind: unicycle', 'kind: legged', 6, "kind is 'legged'; choose one of omni, unicycle"),
+        ('radius: 0.4', 'radius: 0', 8, "radius is '0'; keep it in [0.05, 2] [m]"),
+        ('radius: 0.4', 'payload: 1.0', 8, 'payload is an unknown key'),
+        ('radius: 0.4', 'radius: 1.9', 9, "2.00 m from 'base_0'; leave 2.2 m"),
+        ('plant: bases\n', '', 7, 'radius is an unknown key'),
+        ('world: {', 'world: {torque_delay: 0.01, ', 10, 'means nothing to plant: bases'),
+        ('world: {', 'rates: {state: 50}\nworld: {', 10, 'give one of 1000, 500, 250, 200, 100'),
+    ],
+)
+def test_a_mistake_in_a_fleet_is_named_with_its_line_and_a_remedy(
+    refusal, right, wrong, line, words
+):
+    assert right in FLEET
+    text = refusal(FLEET.replace(right, wrong, 1))
+    assert text.startswith(f'mine.yaml:{line}: ')
+    assert words in text
+
+
+def test_a_fleet_has_its_own_rates_and_discs(tmp_path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(FLEET)
+    scenario = load_scenario(path)
+    assert (scenario.rates.state, scenario.rates.plan, scenario.rates.detections) == (100,) * 3
+    assert [robot.kind for robot in scenario.robots] == ['unicycle', 'omni']
+    assert [robot.disc(0.3) for robot in scenario.robots] == [0.4, 0.3]
+    assert from_json(to_json(scenario)) == dataclasses.replace(scenario)
+    assert {robot.kind for robot in load_scenario('four_agents').robots} == {'legged'}
+
+
 def test_the_file_without_the_mistakes_is_accepted(tmp_path):
     path = tmp_path / 'mine.yaml'
     path.write_text(GOOD)

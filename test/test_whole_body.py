@@ -13,6 +13,7 @@ import pytest
 from layered_cbf_ros.interfaces import GRAVITY, GroundForcePlan, PlannedMotion, RobotState
 from layered_cbf_ros.robot_model import RobotModel, find_urdf
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
+from layered_cbf_ros.whole_body.sitting import sitting_body
 from layered_cbf_ros.whole_body.swing_curve import SwingCurve
 from layered_cbf_ros.whole_body.torque_qp import TorqueQp
 from layered_cbf_ros.whole_body.virtual_constraints import (
@@ -147,6 +148,39 @@ def test_the_level_body_moves_as_it_is_planned():
     spin = (ahead.rotation - behind.rotation) / dt @ here.rotation.T
     np.testing.assert_allclose(spin[1, 0], here.angular_velocity[2], atol=1e-9)
     assert here.com[2] == 0.26
+
+
+def test_a_body_that_is_planned_lower_is_lower_and_moves_at_the_planned_rate():
+    body = level_body(dataclasses.replace(still(), height=-0.1, vertical_velocity=-0.07), 0.26)
+    assert body.com[2] == pytest.approx(0.16, abs=1e-15)
+    assert body.com_velocity.tolist() == [0.0, 0.0, -0.07]
+
+
+def test_a_sitting_body_moves_forwards_over_its_feet_until_its_belly_can_touch_the_ground(model):
+    """Hip and toe stay farther apart than the knee folds, from standing down to the ground.
+
+    The A1's knee folds to 2.6965 rad between links of 0.2 m; lying, the hip is 37 mm above
+    the toe. Two heights say whether the velocities are the derivatives.
+    """
+    folded = 2.0 * 0.2 * math.cos(0.5 * 2.6965)
+    feet = model.hip_offsets * (1.0, 1.0, 0.0) + (0.3, 0.2, 0.02)
+    ahead, h = np.array([math.cos(0.5), math.sin(0.5)]), 1e-6
+
+    def body(depth, rate=0.0):
+        motion = dataclasses.replace(still(), yaw=0.5, height=-depth, vertical_velocity=rate)
+        return sitting_body(level_body(motion, 0.26), motion, feet)
+
+    np.testing.assert_allclose(body(0.0).com, [0.0, 0.0, 0.26], atol=1e-12)
+    for depth in np.linspace(0.1, 0.2, 21):
+        shift = body(depth).com[:2] - feet[:, :2].mean(axis=0)
+        assert shift @ [-ahead[1], ahead[0]] == pytest.approx(0.0, abs=1e-12)
+        hip = max(0.26 - 1.145 * depth, 0.037)  # above the toe, lower than it truly is
+        assert math.hypot(shift @ ahead, hip) > folded
+    for depth in (0.05, 0.15):
+        velocity = (body(depth + h).com - body(depth - h).com) / (2.0 * h) * 0.08
+        told = body(depth, -0.08).com_velocity
+        assert told[2] == pytest.approx(velocity[2], abs=1e-9)
+    np.testing.assert_allclose(told, velocity, atol=1e-9)
 
 
 def test_orientation_converges_to_a_turning_reference_as_a_critically_damped_oscillator(model):

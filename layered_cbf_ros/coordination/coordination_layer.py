@@ -13,11 +13,12 @@ from layered_cbf_ros.coordination.coordinator import Coordinator
 from layered_cbf_ros.coordination.exchange import CoordinationInputs, CoordinationResult
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
 from layered_cbf_ros.coordination.plan import CoordinationState
-from layered_cbf_ros.interfaces import Array, RobotState, Track
+from layered_cbf_ros.interfaces import Array, BaseState, RobotState, Track, VelocityCommand
 from layered_cbf_ros.robot_model import RobotModel, has_fallen, yaw_of
 from layered_cbf_ros.scenario import Robot, Wall
 
 AXES = ('x', 'y')
+Commands = tuple[VelocityCommand | None, ...]
 
 
 class CoordinationLayer:
@@ -44,6 +45,8 @@ class CoordinationLayer:
         stamp_ns: int,
         states: Sequence[RobotState | None],
         tracks: tuple[Track, ...],
+        commands: Commands | None = None,
+        stopped: bool = False,
     ) -> CoordinationResult:
         """Filter everybody's desired motion at the stamp of their states.
 
@@ -53,8 +56,10 @@ class CoordinationLayer:
             stamp_ns: Stamp of the states [ns].
             states: Of each robot, None where it isn't known.
             tracks: Everybody else.
+            commands: A velocity asked of each robot, or None; None for no commands at all.
+            stopped: The emergency stop.
         """
-        return self.act(memory, self.inputs(stamp_ns, states, tracks))
+        return self.act(memory, self.inputs(stamp_ns, states, tracks, commands, stopped))
 
     def act(
         self, memory: CoordinationState | None, inputs: CoordinationInputs
@@ -64,7 +69,12 @@ class CoordinationLayer:
         return self._coordinator.step(memory, inputs)
 
     def inputs(
-        self, stamp_ns: int, states: Sequence[RobotState | None], tracks: tuple[Track, ...]
+        self,
+        stamp_ns: int,
+        states: Sequence[RobotState | None],
+        tracks: tuple[Track, ...],
+        commands: Commands | None = None,
+        stopped: bool = False,
     ) -> CoordinationInputs:
         """Return what the coordinator needs: CoM of every robot whose state is known."""
         positions, velocities = (np.full((len(states), 2), np.nan) for _ in range(2))
@@ -77,8 +87,33 @@ class CoordinationLayer:
                 velocities[i] = self._model.com_velocity[:2]
                 yaws[i] = yaw_of(self._model.rotation)
                 fallen[i] = has_fallen(state.configuration)
-        commands = (None,) * len(states)
-        return CoordinationInputs(stamp_ns, positions, velocities, fallen, tracks, commands, yaws)
+        commands = commands or (None,) * len(states)
+        return CoordinationInputs(
+            stamp_ns, positions, velocities, fallen, tracks, commands, yaws, stopped
+        )
+
+    def inputs_of_bases(
+        self,
+        stamp_ns: int,
+        bases: Sequence[BaseState | None],
+        tracks: tuple[Track, ...],
+        commands: Commands | None = None,
+        stopped: bool = False,
+    ) -> CoordinationInputs:
+        """Return what the coordinator needs of robots with their own locomotion.
+
+        One of which nothing is known counts as a robot that doesn't answer.
+        """
+        positions, velocities = (np.full((len(bases), 2), np.nan) for _ in range(2))
+        yaws = np.full(len(bases), np.nan)
+        for i, base in enumerate(bases):
+            if base is not None:
+                positions[i], velocities[i], yaws[i] = base.position, base.velocity, base.yaw
+        commands = commands or (None,) * len(bases)
+        silent = np.isnan(yaws)
+        return CoordinationInputs(
+            stamp_ns, positions, velocities, silent, tracks, commands, yaws, stopped
+        )
 
 
 def axis_names(robots: Sequence[str]) -> list[str]:

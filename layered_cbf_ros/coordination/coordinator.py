@@ -63,7 +63,7 @@ class Coordinator:
                 No node's parameter sets it.
         """
         names = [robot.name for robot in robots]
-        radii = np.full(len(robots), parameters.agent_radius)
+        radii = np.array([robot.disc(parameters.agent_radius) for robot in robots])
         self._parameters = parameters
         self._robots = tuple(robots)
         self._standing = np.array([robot.gait == 'stand' for robot in robots], dtype=bool)

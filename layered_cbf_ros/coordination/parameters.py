@@ -72,7 +72,7 @@ class CoordinatorParameters:
         2.0, 'Time to sit down after an emergency stop, and to stand up.', 's', 0.5, 10.0
     )
     sit_depth: float = parameter(
-        0.17, 'How far the CoM goes down when a robot sits.', 'm', 0.0, 0.25
+        0.2, 'How far the CoM goes down to sit; an A1 lies at 0.195.', 'm', 0.0, 0.25
     )
     input_resolution: float = parameter(1e-6, 'Inputs are rounded to this.', 'm/s^2', 1e-12, 1e-2)
     solver_accuracy: float = parameter(

@@ -125,8 +125,8 @@ def motions(
         sit_depth: How far the CoM goes down [m].
     """
     s = state.sitting
-    height = -sit_depth * s * s * (3.0 - 2.0 * s)
-    climb = -6.0 * sit_depth * s * (1.0 - s) * state.sitting_rate
+    height = 0.0 - sit_depth * s * s * (3.0 - 2.0 * s)  # standing it isn't -0.0
+    climb = 0.0 - 6.0 * sit_depth * s * (1.0 - s) * state.sitting_rate
     rows = zip(
         state.positions,
         state.velocities,

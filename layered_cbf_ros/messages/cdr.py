@@ -74,6 +74,12 @@ class CdrWriter:
             self.blocks.append((len(self.data), length * each))
             self.data.extend(bytes(8 * length * each))
 
+    def fixed(self, count: int) -> None:
+        """Write a field of so many zero doubles, and remember where."""
+        self.align(8)
+        self.blocks.append((len(self.data), count))
+        self.data.extend(bytes(8 * count))
+
 
 class CdrReader:
     """Reads one message, field by field, never beyond its end.
@@ -117,9 +123,13 @@ class CdrReader:
     def header(self) -> int:
         """Read a std_msgs/Header; return its stamp [ns]."""
         stamp_ns = stamp_of(self._data)
-        self._advance(8, 4)
-        self.text()
+        self.frame()
         return stamp_ns
+
+    def frame(self) -> str:
+        """Read a std_msgs/Header; return its frame_id."""
+        self._advance(8, 4)
+        return self.text()
 
     def doubles(self, each: int = 1) -> Array:
         """Read a sequence of elements of `each` doubles, and remember where."""
@@ -129,6 +139,17 @@ class CdrReader:
         start = self._advance(8 * each * length, 8)
         self.blocks.append((start, length * each))
         return np.frombuffer(self._data, '<f8', length * each, start).copy()
+
+    def fixed(self, count: int) -> Array:
+        """Read a field of so many doubles, and remember where."""
+        start = self._advance(8 * count, 8)
+        self.blocks.append((start, count))
+        return np.frombuffer(self._data, '<f8', count, start).copy()
+
+    def skip(self, count: int) -> None:
+        """Pass over a field of so many doubles that mean nothing to the reader."""
+        start = self._advance(8 * count, 8)
+        self.padding.append((start, self._at))
 
     def _length(self, size: int) -> int:
         """Read a sequence length; refuse one that can't fit what is left."""

@@ -29,6 +29,11 @@ def state_names(robot: str) -> list[str]:
     return [f'{robot}/{name}' for name in STATE_NAMES]
 
 
+def base_names(robot: str) -> list[str]:
+    """Return the names of the entries of a robot that is nothing but a base."""
+    return [f'{robot}/{name}' for name in BASE_NAMES]
+
+
 class StateWriter:
     """Encodes the states of a fixed list of robots in one message."""
 

@@ -1,67 +1,38 @@
-"""simulator: PyBullet A1s and scripted obstacles; the source of time in simulation."""
+"""simulator: A1s or bases, and scripted obstacles; the source of time in simulation."""
 
 from __future__ import annotations
 
-import os
 import time
 
-import numpy as np
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from layered_cbf_ros.errors import MissingInputError
-from layered_cbf_ros.interfaces import JOINT_NAMES, NS_PER_S, Array
+from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
-from layered_cbf_ros.messages.joint_state import JointStateReader
-from layered_cbf_ros.messages.robot_state import StateWriter
-from layered_cbf_ros.nodes.declaring import declare
-from layered_cbf_ros.nodes.graph_node import SLICE_S, GraphNode
-from layered_cbf_ros.nodes.inputs import Input
+from layered_cbf_ros.nodes.fleet_plant import FleetPlant
+from layered_cbf_ros.nodes.graph_node import SLICE_S
 from layered_cbf_ros.nodes.running import run_node
-from layered_cbf_ros.nodes.simulator_outputs import SimulatorOutputs
+from layered_cbf_ros.nodes.scenario_node import ScenarioNode
+from layered_cbf_ros.nodes.simulated_plant import SimulatedPlant
+from layered_cbf_ros.nodes.simulator_pause import SimulatorPause
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
-from layered_cbf_ros.plants.bullet_world import STEP_NS, BulletWorld
 from layered_cbf_ros.plants.goals import GoalWatch
-from layered_cbf_ros.plants.parameters import SimulatorParameters
-from layered_cbf_ros.robot_model import RobotModel
-from layered_cbf_ros.scenario_file import load_scenario
+from layered_cbf_ros.scenario import BASES
 
 MANY = 1000  # nodes whose latched word is kept
-POLL_NS = 80_000  # only the simulator polls: more pollers would starve each other
 RECORDER_WINDOW_NS = 60_000_000  # what every publisher still has, should it be lost on the way
 START_LIMIT_NS = 60_000_000_000
 LATE_NS = 100_000_000  # beyond this the real-time schedule starts anew
 
 
-class SimulatorNode(GraphNode):
+class SimulatorNode(ScenarioNode):
     """Steps the world with the commands of every robot."""
 
     def __init__(self) -> None:
         super().__init__('simulator')
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the physics engine talks to itself
-        self._scenario = scenario = load_scenario(self.scenario)
-        names = [robot.name for robot in scenario.robots]
-        model = RobotModel()
-        starts = [
-            model.nominal_configuration(np.array(robot.position), robot.yaw)
-            for robot in scenario.robots
-        ]
-        self._world = BulletWorld(scenario, declare(self, SimulatorParameters), starts)
-        self._state = self.writer(JointState, self.state_topic, 2 * len(names) + 1)
-        self._encoder = StateWriter(names)
-        self._commands = [
-            Input(
-                self,
-                self.reader(JointState, f'/{name}/joint_commands'),
-                self.rules.command,
-                JointStateReader(JOINT_NAMES).read,
-                f'/{name}/whole_body_controller',
-                POLL_NS,
-            )
-            for name in names
-        ]
-        self._outputs = SimulatorOutputs(self, scenario, self._world)
-        self._goals = GoalWatch(scenario)
+        self._plant = self._make_plant()
+        self._goals = GoalWatch(self._scenario)
+        self._pause = SimulatorPause(self)
         self._progress = Reader(self, Header, '/recorder/progress') if self.recorded else None
         self._recorded_ns = 0
         self._absent = set(self.declare_parameter('wait_for', ['']).value) - {''}
@@ -71,22 +42,19 @@ class SimulatorNode(GraphNode):
         """Step the world until every goal is reached or the scenario's time is over."""
         self.become_ready()
         self._wait_for_all()
+        self.statistics.period_ns = self.timing.tick_ns
         end_ns = round(self._scenario.duration * NS_PER_S)
         begin_ns = time.monotonic_ns()
-        while self._world.stamp_ns <= end_ns and not self._goals.all_reached:
+        while self._plant.stamp_ns <= end_ns and not self._goals.all_reached:
             self.serve()
+            self._pause.hold(self._plant.stamp_ns)
+            self.statistics.begin(time.monotonic_ns(), self._plant.stamp_ns)
             begun_ns = time.perf_counter_ns()
-            states = self._world.states()
-            self._state.publish(self._encoder.encode(states))
-            self._outputs.publish(states)
-            self._goals.watch(states)
+            self._goals.watch(self._plant.stamp_ns, self._plant.publish())
             used_ns = time.perf_counter_ns() - begun_ns
-            torques, silent = self._torques()
+            self._plant.hear()
             begun_ns = time.perf_counter_ns()
-            for _ in range(self.timing.tick_ns // STEP_NS):
-                for robot in silent:
-                    self._world.damp(robot)
-                self._world.step(torques)
+            self._plant.advance()
             self.statistics.tick(used_ns + time.perf_counter_ns() - begun_ns)
             if self.lockstep:
                 self._wait_for_recorder(RECORDER_WINDOW_NS)
@@ -98,22 +66,17 @@ class SimulatorNode(GraphNode):
         """Send the last states again: who has them already sends its answers again."""
         self.resend()
 
-    def _torques(self) -> tuple[Array, list[int]]:
-        """Return the commanded torques (N, 12) [Nm], and who sent none to act on."""
-        stamp_ns = self._world.stamp_ns
-        silent = []
-        torques = np.zeros((len(self._commands), len(JOINT_NAMES)))
-        for i, command in enumerate(self._commands):
-            received = command.at(stamp_ns)
-            if received is not None:
-                torques[i] = received[1][2]
-            elif stamp_ns:
-                silent.append(i)
-        return torques, silent
+    def _make_plant(self) -> SimulatedPlant:
+        """Return the plant; who has no legs needs no physics engine."""
+        if self._scenario.plant == BASES:
+            return FleetPlant(self, self._scenario)
+        from layered_cbf_ros.nodes.legged_plant import LeggedPlant
+
+        return LeggedPlant(self, self._scenario)
 
     def _wait_for_deadline(self, begin_ns: int) -> int:
         """Sleep until the next state is due; return the schedule's (new) begin [ns]."""
-        late_ns = time.monotonic_ns() - begin_ns - self._world.stamp_ns
+        late_ns = time.monotonic_ns() - begin_ns - self._plant.stamp_ns
         if late_ns < 0:
             time.sleep(-late_ns * 1e-9)
             return begin_ns
@@ -129,7 +92,7 @@ class SimulatorNode(GraphNode):
         if self._progress is None:
             return
         give_up_ns = self.begin_wait()
-        while self._world.stamp_ns - self._recorded_ns > window_ns:
+        while self._plant.stamp_ns - self._recorded_ns > window_ns:
             self.serve()
             data = self._progress.take()
             if data is not None:
@@ -137,6 +100,7 @@ class SimulatorNode(GraphNode):
             elif time.monotonic_ns() > give_up_ns:
                 raise MissingInputError(f'MISSING /recorder: nothing on {self._progress.topic}')
             else:
+                self.statistics.wait_for('/recorder', time.monotonic_ns())
                 self._progress.wait(SLICE_S)
 
     def _wait_for_all(self) -> None:
@@ -150,7 +114,7 @@ class SimulatorNode(GraphNode):
             while (data := self._ready_words.take()) is not None:
                 word = self.accept(lambda bytes_: decoded(bytes_, String).data, data)
                 self._absent.discard(word or '')
-            self.statistics.waiting_for = ', '.join(sorted(self._absent))
+            self.statistics.wait_for(', '.join(sorted(self._absent)), time.monotonic_ns())
             self.serve()
             time.sleep(0.2 * SLICE_S)
             if time.monotonic_ns() > give_up_ns:

@@ -1,66 +1,63 @@
-"""What the simulator publishes besides the states: detections, and topics for people."""
+"""What the simulator publishes of every plant: time, clearances, detections, the scenario."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from geometry_msgs.msg import PoseArray
-from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu, JointState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from layered_cbf_ros.interfaces import NS_PER_S, RobotState
+from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.messages import standard
 from layered_cbf_ros.node_topics import CLEARANCE, DETECTIONS, SCENARIO, TRUTH
 from layered_cbf_ros.nodes.graph_node import GraphNode
+from layered_cbf_ros.nodes.scripted_operator import ScriptedOperator
 from layered_cbf_ros.nodes.transport import latched
-from layered_cbf_ros.plants.bullet_world import BulletWorld
-from layered_cbf_ros.robot_model import find_urdf
+from layered_cbf_ros.plants.clearance_report import ClearanceReport
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import to_json
 
 CLOCK_NS = NS_PER_S // 100
-PEOPLE_NS = NS_PER_S // 50
+
+
+class World(Protocol):
+    """What is measured of any plant."""
+
+    def clearances(self) -> ClearanceReport:
+        """Return how close all pairs are."""
+
+    def obstacle_positions(self) -> Array:
+        """Return the true centre of each obstacle [m], (M, 2)."""
 
 
 class SimulatorOutputs:
     """Publishes each topic at its own rate, counted in simulated time."""
 
-    def __init__(self, node: GraphNode, scenario: Scenario, world: BulletWorld) -> None:
+    def __init__(self, node: GraphNode, scenario: Scenario, world: World) -> None:
         self._scenario, self._world = scenario, world
         self._timing = node.timing
         self._rng = np.random.default_rng(scenario.seed)
         self._delayed: deque[bytes] = deque()
         self._clock = node.create_publisher(Clock, '/clock', 10)
         self._clearance = node.writer(JointState, CLEARANCE, 0)
+        self._operator = ScriptedOperator(node, scenario) if scenario.operator else None
         if scenario.obstacles:
             self._truth = node.writer(PoseArray, TRUTH, 0)
             self._detections = node.writer(PoseArray, DETECTIONS)
-        self._people = []
-        for robot in scenario.robots:
-            kinds = ('joint_states', JointState), ('odom', Odometry), ('imu', Imu)
-            self._people.append(
-                [node.writer(kind, f'/{robot.name}/{topic}', 0) for topic, kind in kinds]
-                + [node.writer(JointState, f'/{robot.name}/foot_contacts', 0)]
-            )
-        self._latched = [
-            _latch(node, f'/{robot.name}/robot_description', find_urdf().read_text())
-            for robot in scenario.robots
-        ]
-        self._latched.append(_latch(node, SCENARIO, to_json(scenario)))
+        self._latched = latch(node, SCENARIO, to_json(scenario))
 
-    def publish(self, states: Sequence[RobotState]) -> None:
-        """Publish what is due at the states' stamp."""
-        stamp_ns = states[0].stamp_ns
+    def publish(self, stamp_ns: int) -> None:
+        """Publish what is due at a stamp [ns]."""
+        if self._operator is not None:
+            self._operator.publish(stamp_ns)
         if stamp_ns % CLOCK_NS == 0:
             self._clock.publish(standard.clock(stamp_ns))
             self._publish_clearance()
-        if stamp_ns % PEOPLE_NS == 0:
-            self._publish_people(states)
         if self._scenario.obstacles and stamp_ns % self._timing.detection_ns == 0:
             self._publish_obstacles(stamp_ns)
 
@@ -70,20 +67,6 @@ class SimulatorOutputs:
             report.stamp_ns, report.labels, report.distances, effort=report.forces
         )
         self._clearance.publish(serialize_message(message))
-
-    def _publish_people(self, states: Sequence[RobotState]) -> None:
-        for i, (state, writers) in enumerate(zip(states, self._people, strict=True)):
-            name = self._scenario.robots[i].name
-            reading = self._world.imu(i)
-            measured = reading.orientation, reading.angular_velocity, reading.specific_force
-            messages = (
-                standard.joint_states(state),
-                standard.odometry(name, state),
-                standard.imu(name, state.stamp_ns, *measured),
-                standard.foot_contacts(state),
-            )
-            for writer, message in zip(writers, messages, strict=True):
-                writer.publish(serialize_message(message))
 
     def _publish_obstacles(self, stamp_ns: int) -> None:
         """Publish where obstacles are, and what a sensor would have seen of them."""
@@ -97,8 +80,8 @@ class SimulatorOutputs:
             self._detections.publish(self._delayed.popleft())
 
 
-def _latch(node: GraphNode, topic: str, text: str) -> object:
-    """Publish a text once; late joiners get it too."""
+def latch(node: GraphNode, topic: str, text: str) -> object:
+    """Publish a text once; late joiners get it too. Returns what must be kept alive."""
     publisher = node.create_publisher(String, topic, latched())
     publisher.publish(String(data=text))
     return publisher

@@ -18,7 +18,8 @@ from pybullet_utils.bullet_client import BulletClient
 from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import GRAVITY, NS_PER_S, Array, RobotState
 from layered_cbf_ros.plants.bullet_robot import TOE_FRICTION, BulletRobot
-from layered_cbf_ros.plants.clearance import ClearanceMeter, ClearanceReport
+from layered_cbf_ros.plants.clearance import ClearanceMeter
+from layered_cbf_ros.plants.clearance_report import ClearanceReport
 from layered_cbf_ros.plants.parameters import SimulatorParameters
 from layered_cbf_ros.scenario import Obstacle, Push, Scenario, Wall
 

@@ -23,27 +23,6 @@ _REACH = 0.72  # no part of an A1 is farther from its trunk's centre [m]
 
 
 @dataclass(frozen=True, slots=True)
-class ClearanceReport:
-    """How close the bodies are.
-
-    Attributes:
-        stamp_ns: Time of the distances [ns].
-        labels: `a~b` of each pair: robot~robot, robot~obstacle, robot~wall, then
-            robot~ground.
-        distances: Surface distance, negative in penetration [m], (P,). Exact below
-            the parameter `exact_within`; from there on a lower bound. Between a
-            robot and the ground: that of the trunk.
-        forces: Largest normal contact force since the last report [N], (P,).
-            Between a robot and the ground: on anything but a toe.
-    """
-
-    stamp_ns: int
-    labels: tuple[str, ...]
-    distances: Array
-    forces: Array
-
-
-@dataclass(frozen=True, slots=True)
 class _Pair:
     """A robot, and the robot, obstacle or wall (or None: the ground) it may touch."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from layered_cbf_ros.interfaces import NS_PER_S, RobotState
+from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.scenario import Scenario
 
 DWELL_NS = NS_PER_S  # a robot that only passes its goal has not reached it
@@ -24,12 +24,16 @@ class GoalWatch:
         self._there_since: int | None = None
         self._now_ns = 0
 
-    def watch(self, states: Sequence[RobotState]) -> None:
-        """Note where the robots are."""
-        self._now_ns = states[0].stamp_ns
+    def watch(self, stamp_ns: int, positions: Sequence[Array]) -> None:
+        """Note where the robots are.
+
+        Args:
+            stamp_ns: When [ns].
+            positions: Of each robot in the plane [m], (2,).
+        """
+        self._now_ns = stamp_ns
         there = all(
-            math.dist(states[i].configuration[:2], goal) <= self._tolerance
-            for i, goal in self._goals.items()
+            math.dist(positions[i], goal) <= self._tolerance for i, goal in self._goals.items()
         )
         if not there:
             self._there_since = None

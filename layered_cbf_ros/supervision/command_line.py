@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from layered_cbf_ros.viewing.front.options import FrontOptions, add_front_options
+
 DEFAULT_SCENARIO = 'one_agent_three_obstacles'
 DESCRIPTION = 'Run a scenario through the whole node graph, record it and judge it.'
 
@@ -22,6 +24,7 @@ class Options:
         json: Where the summary goes too, if not None.
         real_time: Run against the wall clock.
         record: Record a bag and judge it.
+        front: Where the page of the run is, None for no page.
     """
 
     scenario: str
@@ -31,6 +34,7 @@ class Options:
     json: Path | None = None
     real_time: bool = False
     record: bool = True
+    front: FrontOptions | None = None
 
 
 def parse(arguments: Sequence[str]) -> Options:
@@ -57,4 +61,13 @@ def parse(arguments: Sequence[str]) -> Options:
     parser.add_argument(
         '--no-record', dest='record', action='store_false', help='no bag, so no verdict'
     )
-    return Options(**vars(parser.parse_args(arguments)))
+    parser.add_argument(
+        '--viewer', action='store_true', help='a page in the browser: the run in 3D, and a stick'
+    )
+    add_front_options(parser)
+    given = vars(parser.parse_args(arguments))
+    front = FrontOptions(given.pop('host'), given.pop('port'), given.pop('token'))
+    shown = given.pop('viewer')
+    if front != FrontOptions() and not shown:
+        parser.error('--host, --port and --token are those of the page; give --viewer too')
+    return Options(**given, front=front if shown else None)

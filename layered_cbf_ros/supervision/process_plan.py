@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from layered_cbf_ros.node_topics import PER_ROBOT
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.timing import REAL_TIME
 
 PLANT = '/simulator'
 RECORDER = '/recorder'
+COORDINATOR = '/coordinator'
+VIEWER = '/viewer'
 WHOLE_BODY = 'whole_body_controller'
+EXIT_REFUSED = 2  # of a program that could not work with what it was told
 # A robot whose controller died lies damped: a new one would make it jump up.
 ONCE = (PLANT.strip('/'), RECORDER.strip('/'), WHOLE_BODY)
 
@@ -28,6 +32,7 @@ class ProcessSpec:
             only what keeps no world, no file and no robot on its legs.
         ends_run: Whether its death, if it isn't started again, ends the run.
         ends_last: Whether it is ended after all others, so that it hears them end.
+        needed: Whether the run waits for it to begin.
     """
 
     name: str
@@ -36,6 +41,14 @@ class ProcessSpec:
     restarts: bool = False
     ends_run: bool = True
     ends_last: bool = False
+    needed: bool = True
+
+    def restarts_after(self, code: int) -> bool:
+        """Tell whether it is started again after it ended with an exit code.
+
+        Who is not needed, and ended in order or refused its command line, stays away.
+        """
+        return self.restarts and (self.needed or code not in (0, EXIT_REFUSED))
 
     @property
     def log_name(self) -> str:
@@ -46,10 +59,11 @@ class ProcessSpec:
 def node_names(scenario: Scenario, record: bool) -> tuple[str, ...]:
     """Return the full names of all nodes of a run; those that listen come first."""
     names = [RECORDER] if record else []
-    names.append('/coordinator')
+    names.append(COORDINATOR)
     if scenario.obstacles:
         names.append('/obstacle_tracker')
-    names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
+    if scenario.plant != BASES:
+        names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
     return (*names, PLANT)
 
 
@@ -73,4 +87,20 @@ def _process(name: str, parameter_file: Path, real_time: bool) -> ProcessSpec:
         restarts=real_time and node not in ONCE,
         ends_run=not real_time or node != WHOLE_BODY,
         ends_last=name == RECORDER,
+    )
+
+
+def viewer_process(arguments: Sequence[str]) -> ProcessSpec:
+    """Return the page for people: a run neither waits for it nor ends with it.
+
+    Args:
+        arguments: Its command line.
+    """
+    return ProcessSpec(
+        name=VIEWER,
+        executable=VIEWER.strip('/'),
+        arguments=tuple(arguments),
+        restarts=True,
+        ends_run=False,
+        needed=False,
     )

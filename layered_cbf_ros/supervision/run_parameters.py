@@ -11,11 +11,12 @@ import yaml
 
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
-from layered_cbf_ros.parameters import from_mapping, read_parameter_file
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.node_topics import odometry
+from layered_cbf_ros.parameters import from_mapping, parameters_of, read_parameter_file, values_of
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.scenario_checks import SETTLED, problems
-from layered_cbf_ros.supervision.process_plan import PLANT, RECORDER, node_names
-from layered_cbf_ros.timing import timing_values
+from layered_cbf_ros.supervision.process_plan import COORDINATOR, PLANT, RECORDER, node_names
+from layered_cbf_ros.timing import REAL_TIME, timing_values
 
 Values = dict[str, Any]
 
@@ -86,11 +87,16 @@ def run_parameters(
     for name in names:
         node = name.rpartition('/')[2]
         parameters[name] = {**_complete(node, _given(node, scenario, defaults)), **common}
-    for robot in scenario.robots:
-        parameters[f'/{robot.name}/ground_force_mpc']['gait'] = robot.gait
+    if scenario.plant == BASES:
+        parameters[COORDINATOR]['use_sim_time'] = scenario.time == REAL_TIME
+    else:
+        for robot in scenario.robots:
+            parameters[f'/{robot.name}/ground_force_mpc']['gait'] = robot.gait
     parameters[PLANT]['wait_for'] = [name for name in names if name != PLANT]
     if bag is not None:
         parameters[RECORDER]['output'] = str(bag)
+        if scenario.plant == BASES:  # there is no state of all robots: the last one's counts
+            parameters[RECORDER]['state_topic'] = odometry(scenario.robots[-1].name)
     return parameters
 
 
@@ -111,7 +117,7 @@ def _given(
 def _complete(node: str, given: Mapping[str, Any]) -> Values:
     """Return every parameter of a node, each in its own type: ROS takes no 1 for 1.0."""
     classes = NODE_PARAMETERS.get(node, ())
-    fields = {cls: [field.name for field in dataclasses.fields(cls)] for cls in classes}
+    fields = {cls: list(parameters_of(cls)) for cls in classes}
     known = {name for names in fields.values() for name in names}
     for name in given:
         if name not in known:
@@ -119,5 +125,5 @@ def _complete(node: str, given: Mapping[str, Any]) -> Values:
     values: Values = {}
     for cls, names in fields.items():
         built: Any = from_mapping(cls, {name: given[name] for name in names if name in given})
-        values |= dataclasses.asdict(built)
+        values |= values_of(built)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}

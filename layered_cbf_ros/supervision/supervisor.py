@@ -47,11 +47,13 @@ class News:
         ready: The nodes that told to be ready.
         clock: Simulated time [s], None before the first word of it.
         silent: The nodes whose diagnostics have stopped.
+        paused: Whether the plant tells, and goes on telling, that it was paused.
     """
 
     ready: frozenset[str] = frozenset()
     clock: float | None = None
     silent: tuple[str, ...] = ()
+    paused: bool = False
 
 
 class Phase(enum.Enum):
@@ -157,16 +159,19 @@ class Supervisor:
 
     def _judge_end(self, now: float, name: str, code: int) -> None:
         """Decide what the end of one process means for the run."""
-        may_restart = self._plan[name].restarts and self._restarts[name] < self._patience.restarts
+        spec = self._plan[name]
+        may_restart = spec.restarts_after(code) and self._restarts[name] < self._patience.restarts
+        outlived = self.phase is Phase.RUNNING or not spec.needed
         if name == PLANT and code == 0:
             self._stop(RunOutcome(Code.FINISHED, 'finished'))
-        elif may_restart and self.phase is Phase.RUNNING:
+        elif may_restart and outlived:
             self._restarts[name] += 1
             self._restart_at[name] = now + self._patience.restart
             count = f'{self._restarts[name]} of {self._patience.restarts}'
             self._tell(name, f'{describe_exit(code)}; started again ({count})')
-        elif not self._plan[name].ends_run and self.phase is Phase.RUNNING:
-            self._tell(name, f'{describe_exit(code)}; its robot is damped, the others go on')
+        elif not spec.ends_run and outlived:
+            rest = 'its robot is damped, the others go on' if spec.needed else 'the run goes on'
+            self._tell(name, f'{describe_exit(code)}; {rest}')
         elif code == EXIT_MISSING:
             self._tell(name, describe_exit(code))
             if self._judge_at is None:
@@ -176,7 +181,9 @@ class Supervisor:
             self._stop(RunOutcome(Code.FAILED, reason, (name,)))
 
     def _start(self, now: float, news: News) -> None:
-        absent = [name for name in self._plan if name not in news.ready]
+        absent = [
+            name for name, spec in self._plan.items() if spec.needed and name not in news.ready
+        ]
         if not absent:
             self.phase = Phase.RUNNING
             self._progress = (now, -1.0)
@@ -185,8 +192,9 @@ class Supervisor:
         self._judge_reports(now)
 
     def _run(self, now: float, news: News) -> None:
-        if news.clock is not None and news.clock != self._progress[1]:
-            self._progress = (now, news.clock)
+        clock = self._progress[1] if news.clock is None else news.clock
+        if news.paused or clock != self._progress[1]:
+            self._progress = (now, clock)
         self._judge_reports(now)
         if now - self._progress[0] > self._patience.standstill:
             silent = tuple(name for name in news.silent if name not in self.ended)

@@ -13,8 +13,8 @@ from layered_cbf_ros.bags.audit.findings import Check, Samples, at_most, not_pro
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters, timing_of
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.interfaces import NS_PER_S, Array
-from layered_cbf_ros.node_topics import PLAN, STATE
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.node_topics import PLAN, STATE, cmd_vel_safe
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.timing import REAL_TIME, InputRule, InputRules
 
 NAMES = ('command age', 'plan age', 'forces age')
@@ -68,14 +68,15 @@ def _inputs(scenario: Scenario, run: RunParameters, real_time: bool) -> Iterator
     rules = InputRules(timing_of(scenario))
     tick_ns = timing_of(scenario).tick_ns
     robots = [robot.name for robot in scenario.robots]
-    commands = tuple(f'/{robot}/{COMMANDS}' for robot in robots)
+    has_legs = scenario.plant != BASES
+    commands = tuple(f'/{r}/{COMMANDS}' if has_legs else cmd_vel_safe(r) for r in robots)
     forces = tuple(f'/{robot}/{FORCES}' for robot in robots)
     kinds = (
         ('command age', commands, rules.command, run.command_age),
         ('plan age', (PLAN,), rules.plan, run.plan_age),
         ('forces age', forces, rules.forces, run.forces_age),
     )
-    for name, topics, rule, limit in kinds:
+    for name, topics, rule, limit in kinds if has_legs else kinds[:1]:
         oldest = (rule.latency_ns + rule.period_ns - tick_ns) / NS_PER_S
         yield _Input(name, topics, rule, limit if real_time else oldest)
 

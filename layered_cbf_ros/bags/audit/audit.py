@@ -8,13 +8,14 @@ from pathlib import Path
 
 from layered_cbf_ros.bags.audit.age_checks import check_ages
 from layered_cbf_ros.bags.audit.barrier_checks import check_barriers
+from layered_cbf_ros.bags.audit.bases import DiscGeometry, check_disc_clearance
 from layered_cbf_ros.bags.audit.body_checks import (
     check_commands,
     check_joints,
     check_plan_error,
     check_posture,
 )
-from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry
+from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry, Centres
 from layered_cbf_ros.bags.audit.clearance import check_clearance
 from layered_cbf_ros.bags.audit.completeness import check_completeness
 from layered_cbf_ros.bags.audit.distances import check_distances
@@ -25,10 +26,12 @@ from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.plan_checks import check_plan
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters, parameters_of
 from layered_cbf_ros.bags.audit.stamp_checks import check_jitter, check_order, check_presence
-from layered_cbf_ros.bags.audit.world import motions_of
+from layered_cbf_ros.bags.audit.world import Motions, motions_of
 from layered_cbf_ros.bags.command_line import EXIT_BAD_INPUT, EXIT_FOUND
 from layered_cbf_ros.bags.storage.opening import open_bag
 from layered_cbf_ros.errors import BagError, LayeredCbfError
+
+Groups = list[tuple[str, Callable[[], Check | list[Check]]]]
 
 
 @dataclass(frozen=True)
@@ -78,27 +81,42 @@ def audit(path: Path, limits: Limits | None = None) -> Audit:
     limits = limits or Limits()
     run, reason = _parameters(evidence)
     motions = motions_of(evidence)
-    geometry = BodyGeometry()
-    groups: list[tuple[str, Callable[[], Check | list[Check]]]] = [
+    centres: Centres = DiscGeometry() if evidence.has_bases else BodyGeometry()
+    groups: Groups = [
         ('completeness', lambda: check_completeness(evidence, bag.files, reason)),
         ('missing messages', lambda: check_presence(evidence, limits)),
         ('order of stamps', lambda: check_order(evidence)),
         ('jitter', lambda: check_jitter(evidence, limits)),
         ('ages', lambda: check_ages(evidence, run)),
         ('centre distance', lambda: check_distances(evidence, motions, run, limits)),
-        ('clearance', lambda: check_clearance(evidence, motions, geometry, limits)),
-        ('barriers', lambda: check_barriers(evidence, motions, geometry, run, limits)),
+        ('barriers', lambda: check_barriers(evidence, motions, centres, run, limits)),
         ('plan', lambda: check_plan(evidence, run, limits)),
-        ('plan error', lambda: check_plan_error(evidence, motions, geometry, limits)),
-        ('posture', lambda: check_posture(motions, limits)),
-        ('joints', lambda: check_joints(motions, geometry, limits)),
-        ('commands', lambda: check_commands(evidence, run, limits)),
-        ('ground forces', lambda: check_forces(evidence, run, limits)),
+        ('plan error', lambda: check_plan_error(evidence, motions, centres, limits)),
+        *_body_groups(evidence, motions, run, limits, centres),
     ]
     checks = [check for name, group in groups for check in _checked(name, group)]
     duration_s = float(motions.times[-1]) if len(motions.times) else 0.0
     name = '' if evidence.scenario is None else evidence.scenario.name
     return Audit(str(path), name, duration_s, limits, tuple(checks))
+
+
+def _body_groups(
+    evidence: Evidence,
+    motions: Motions,
+    run: RunParameters | None,
+    limits: Limits,
+    centres: Centres,
+) -> Groups:
+    """Return the checks of what the robots are made of."""
+    if not isinstance(centres, BodyGeometry):
+        return [('clearance', lambda: check_disc_clearance(evidence, motions, run, limits))]
+    return [
+        ('clearance', lambda: check_clearance(evidence, motions, centres, limits)),
+        ('posture', lambda: check_posture(evidence, motions, limits)),
+        ('joints', lambda: check_joints(motions, centres, limits)),
+        ('commands', lambda: check_commands(evidence, run, limits)),
+        ('ground forces', lambda: check_forces(evidence, run, limits)),
+    ]
 
 
 def _parameters(evidence: Evidence) -> tuple[RunParameters | None, str | None]:

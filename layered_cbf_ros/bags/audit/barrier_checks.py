@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layered_cbf_ros.bags.audit.barriers import PairBarrier, pair_barriers
-from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry
+from layered_cbf_ros.bags.audit.body_geometry import Centres
 from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_least, at_most, not_proven
 from layered_cbf_ros.bags.audit.limits import Limits
@@ -28,7 +28,7 @@ UNITS = ('m', 'm/s')
 def check_barriers(
     evidence: Evidence,
     motions: Motions,
-    geometry: BodyGeometry,
+    geometry: Centres,
     run: RunParameters | None,
     limits: Limits,
 ) -> list[Check]:

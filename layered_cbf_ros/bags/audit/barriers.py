@@ -82,7 +82,8 @@ def _robot_pairs(scene: Scene, run: RunParameters) -> Iterator[PairBarrier]:
     unknown = box_reach(scene.velocity[:, both], along, run.horizon)
     reach = np.where(scene.held[:, both], unknown, known)
     first, second = reach[:, : len(pairs)], reach[:, len(pairs) :]
-    size = 2.0 * run.radius
+    radii = np.array([run.radii[name] for name in scene.robots])
+    size = radii[one] + radii[other]
     ways = (first, second + size), (second, first + size)
     psi0 = np.min([barrier(distance, *way) for way in ways], axis=0)
     ranges = [enclosed_barrier(distance, *way, ACCURACY) for way in ways]
@@ -100,14 +101,14 @@ def _track_pairs(
     agents = np.arange(len(scene.robots))
     law = run.horizon, run.gain, run.acceleration_limit
     unseen = run.horizon, run.obstacle_acceleration, run.confidence
-    found = []
+    radii, found = np.array([run.radii[name] for name in scene.robots]), []
     for state, stamps_ns in zip(track.states, track.stamps_ns, strict=True):
         age = np.clip((scene.stamps_ns - stamps_ns) / NS_PER_S, 0.0, run.track_age_limit)
         distance, direction = _polar(state[:, None, :2] - scene.position)
         rate = ((state[:, None, 2:4] - scene.velocity) * direction).sum(axis=2)
         reach = agent_reaches(scene.velocity, scene.target, agents, direction, law)
         ball = box_reach(state[:, None, 2:4], direction, (run.horizon + age)[:, None])
-        ball += (track_growth(state[:, 4:], age, unseen) + radius + run.radius)[:, None]
+        ball += (track_growth(state[:, 4:], age, unseen) + radius)[:, None] + radii
         psi0 = barrier(distance, reach, ball)
         found.append((rate, psi0, *enclosed_barrier(distance, reach, ball, ACCURACY)))
     rate, psi0, low, high = map(np.array, zip(*found, strict=True))
@@ -122,7 +123,7 @@ def _wall_pairs(scene: Scene, run: RunParameters, wall: Wall) -> Iterator[PairBa
     (px, py), (nx, ny) = wall.point, wall.normal
     for k, robot in enumerate(scene.robots):
         (x, y), (vx, vy) = scene.position[:, k].T, scene.velocity[:, k].T
-        h = nx * (x - px) + ny * (y - py) - run.radius
+        h = nx * (x - px) + ny * (y - py) - run.radii[robot]
         yield _pair(f'{robot}~{wall.name}', run.wall_alpha1, nx * vx + ny * vy, h, h, h)
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry, rotations_of
+from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry, Centres, rotations_of
 from layered_cbf_ros.bags.audit.evidence import COMMANDS, Evidence
 from layered_cbf_ros.bags.audit.findings import Check, Samples, at_least, at_most, not_proven
 from layered_cbf_ros.bags.audit.limits import Limits
@@ -13,12 +14,13 @@ from layered_cbf_ros.bags.audit.world import Motions
 from layered_cbf_ros.interfaces import JOINT_NAMES
 from layered_cbf_ros.node_topics import PLAN
 
+PLANNED_HEIGHT = 2
 ROLL, PITCH, HEIGHT = 'roll', 'pitch', 'trunk height'
 URDF = 'range from the URDF in pybullet_data, which agrees with that of the maker'
 
 
 def check_plan_error(
-    evidence: Evidence, motions: Motions, geometry: BodyGeometry, limits: Limits
+    evidence: Evidence, motions: Motions, geometry: Centres, limits: Limits
 ) -> Check:
     """Check that every CoM stays near its plan, at equal stamps, in the plane."""
     name = 'plan error'
@@ -39,8 +41,8 @@ def check_plan_error(
     return at_most(name, 'm', samples, holes)
 
 
-def check_posture(motions: Motions, limits: Limits) -> list[Check]:
-    """Check roll, pitch and height of every trunk."""
+def check_posture(evidence: Evidence, motions: Motions, limits: Limits) -> list[Check]:
+    """Check roll, pitch and height of every trunk; who is told to sit may be low."""
     rolls, pitches, heights = [], [], []
     for robot, q in motions.robots.items():
         rotation = rotations_of(q[:, 3:7])
@@ -49,12 +51,25 @@ def check_posture(motions: Motions, limits: Limits) -> list[Check]:
         pitch = np.degrees(np.arctan2(-rotation[:, 2, 0], np.hypot(*rotation[:, 2, 1:].T)))
         rolls.append(Samples(robot, motions.times, np.abs(roll), limits.tilt))
         pitches.append(Samples(robot, motions.times, np.abs(pitch), limits.tilt))
-        heights.append(Samples(robot, motions.times, q[:, 2], limits.height))
+        up = ~_told_to_sit(evidence, robot, motions.stamps_ns)
+        heights.append(Samples(robot, motions.times[up], q[up, 2], limits.height))
     return [
         at_most(ROLL, 'deg', rolls, motions.holes),
         at_most(PITCH, 'deg', pitches, motions.holes),
         at_least(HEIGHT, 'm', heights, motions.holes),
     ]
+
+
+def _told_to_sit(evidence: Evidence, robot: str, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell at which stamps the plan in force is below standing height, (k,)."""
+    trace = evidence.traces.get(PLAN)
+    if trace is None or robot not in trace.series.names:
+        return np.zeros(len(stamps_ns), dtype=bool)
+    height = trace.series.values[:, PLANNED_HEIGHT, trace.series.names.index(robot)]
+    stamps = np.concatenate(([-1], trace.series.stamps_ns))
+    in_force = np.concatenate(([0.0], height))[np.searchsorted(stamps, stamps_ns, 'right') - 1]
+    lower: NDArray[np.bool_] = in_force < 0.0
+    return lower
 
 
 def check_joints(motions: Motions, geometry: BodyGeometry, limits: Limits) -> list[Check]:

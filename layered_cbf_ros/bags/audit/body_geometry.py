@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import coal
 import numpy as np
@@ -112,6 +113,18 @@ class BodyGeometry:
         q[3:FREE_FLYER] = quaternion / np.linalg.norm(quaternion)
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._placed, q)
         return [coal.Transform3s(pose.rotation, pose.translation) for pose in self._placed.oMg]
+
+
+class Centres(Protocol):
+    """Where a robot's plan is meant to be, and how that point moves."""
+
+    def centres_of_mass(self, configurations: Array) -> Array:
+        """Return the point in each configuration, world [m], (k, 3)."""
+        ...
+
+    def com_velocity(self, configuration: Array, velocity: Array) -> Array:
+        """Return its velocity in the world for one state [m/s], (3,)."""
+        ...
 
 
 def rotations_of(quaternions: Array) -> Array:

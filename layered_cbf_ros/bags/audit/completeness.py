@@ -13,7 +13,7 @@ from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.node_topics import DIAGNOSTICS, SCENARIO
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.timing import LOCKSTEP
 
 NAME = 'completeness'
@@ -47,7 +47,7 @@ def _silent_nodes(evidence: Evidence, scenario: Scenario) -> list[str]:
     """Return the nodes of the scenario of which there are no diagnostics."""
     nodes = ['/simulator', '/coordinator']
     nodes += ['/obstacle_tracker'] if scenario.obstacles else []
-    for robot in scenario.robots:
+    for robot in () if scenario.plant == BASES else scenario.robots:
         nodes += [f'/{robot.name}/ground_force_mpc', f'/{robot.name}/whole_body_controller']
     return [f'no {DIAGNOSTICS} of {node}' for node in nodes if node not in evidence.diagnostics]
 
@@ -64,13 +64,13 @@ def _told_losses(evidence: Evidence) -> list[str]:
         return [str(error)]
     holes = []
     for topic, told in (losses or {}).items():
-        if is_audited(topic) and told.lost:
+        if is_audited(topic, evidence.has_bases) and told.lost:
             holes.append(f'{topic}: the recorder tells of {told.lost} lost messages')
         # Nodes tell their health again and again: what they said before is no hole.
-        if is_audited(topic) and topic != DIAGNOSTICS and told.missed_before:
+        if is_audited(topic, evidence.has_bases) and topic != DIAGNOSTICS and told.missed_before:
             holes.append(f'{topic}: {told.missed_before} messages were sent before the recording')
     for topic, reason in evidence.notes.get(REFUSED_NOTE, {}).items():
-        if is_audited(topic):
+        if is_audited(topic, evidence.has_bases):
             holes.append(f'{topic}: was not recorded: {reason}')
     holes += [f'the recorder failed: {why}' for why in evidence.notes.get(FAILED_NOTE, {}).values()]
     gaps = evidence.diagnostics.get(RECORDER, {}).get('lost', '0')

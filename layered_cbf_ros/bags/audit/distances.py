@@ -28,20 +28,20 @@ def check_distances(
     if run is None or scenario is None:
         return not_proven(NAME, 'the radii are not known')
     samples = []
-    slip, radius, times = limits.distance_slip, run.radius, motions.times
+    slip, radii, times = limits.distance_slip, run.radii, motions.times
     centres = {name: q[:, :2] for name, q in motions.robots.items()}
     for a, b in itertools.combinations(centres, 2):
         apart = np.linalg.norm(centres[a] - centres[b], axis=1)
-        samples.append(Samples(f'{a}~{b}', times, apart, 2.0 * radius - slip))
+        samples.append(Samples(f'{a}~{b}', times, apart, radii[a] + radii[b] - slip))
     for a, centre in centres.items():
         for thing in scenario.obstacles:
             if thing.name in motions.obstacles:
                 apart = np.linalg.norm(centre - motions.obstacles[thing.name], axis=1)
-                promised = radius + thing.radius - slip
+                promised = radii[a] + thing.radius - slip
                 samples.append(Samples(f'{a}~{thing.name}', times, apart, promised))
         for wall in scenario.walls:
             (px, py), (nx, ny) = wall.point, wall.normal
             apart = nx * (centre[:, 0] - px) + ny * (centre[:, 1] - py)
-            samples.append(Samples(f'{a}~{wall.name}', times, apart, radius - slip))
+            samples.append(Samples(f'{a}~{wall.name}', times, apart, radii[a] - slip))
     notes = [f'{TRUTH} is interpolated between its stamps'] if motions.obstacles else []
     return at_least(NAME, 'm', samples, motions.holes, notes)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from layered_cbf_ros.bags.audit.poses import Points, TrackStates, track_name
 from layered_cbf_ros.bags.audit.trace import SeriesSource, Trace, TraceBuilder
+from layered_cbf_ros.bags.run.base_states import Odometries, Velocities, base_states, is_odometry
 from layered_cbf_ros.bags.run.series import (
     JointStates,
     JointTrajectories,
@@ -23,6 +24,7 @@ from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.decoding import MessageDecoder
 from layered_cbf_ros.bags.storage.topic import Record
 from layered_cbf_ros.errors import LayeredCbfError
+from layered_cbf_ros.health import TOLD_BY
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.node_topics import (
     BARRIERS,
@@ -35,8 +37,10 @@ from layered_cbf_ros.node_topics import (
     TRACKED,
     TRACKS,
     TRUTH,
+    cmd_vel_safe,
+    odometry,
 )
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.scenario_file import from_json
 
 COMMANDS, FORCES = 'joint_commands', 'ground_forces'
@@ -74,7 +78,8 @@ class Evidence:
         notes: The recorder's own notes, see Bag.notes.
         unreadable: Messages that couldn't be decoded, by topic.
         scenario: What was run, or None.
-        traces: By topic; those of TRACKS by topic and track, `<topic> <name>`.
+        traces: By topic; those of TRACKS by topic and track, `<topic> <name>`. Of bases,
+            STATE is put together from their odometry.
         diagnostics: Last key-values by node.
     """
 
@@ -86,6 +91,11 @@ class Evidence:
     scenario: Scenario | None
     traces: Mapping[str, Trace]
     diagnostics: Mapping[str, Mapping[str, str]]
+
+    @property
+    def has_bases(self) -> bool:
+        """Tell whether the robots have their own locomotion."""
+        return self.scenario is not None and self.scenario.plant == BASES
 
     @property
     def robots(self) -> list[str]:
@@ -135,7 +145,8 @@ class _Gatherer:
             elif topic == DIAGNOSTICS:
                 for status in self.decoder.decode(record).status:
                     values = {entry.key: entry.value for entry in status.values}
-                    self.diagnostics[status.name] = values
+                    if not values.get(TOLD_BY):  # else it is another's word on a silent node
+                        self.diagnostics[status.name] = values
             else:
                 key = f'{topic} {track_name(record.data)}' if topic == TRACKS else topic
                 self._trace(key, topic).take(record)
@@ -144,14 +155,26 @@ class _Gatherer:
 
     def _trace(self, key: str, topic: str) -> TraceBuilder:
         if key not in self.traces:
-            self.traces[key] = TraceBuilder(key, SOURCES.get(topic, Efforts))
+            self.traces[key] = TraceBuilder(key, _source(topic))
         return self.traces[key]
 
 
-def is_audited(topic: str) -> bool:
-    """Tell whether the audit needs a topic."""
+def is_audited(topic: str, bases: bool) -> bool:
+    """Tell whether the audit needs a topic; those of bases only where there are any."""
     named = topic in (*SOURCES, SCENARIO, DIAGNOSTICS)
-    return named or topic.rpartition('/')[2] in (COMMANDS, FORCES)
+    of_base = bases and (is_odometry(topic) or _is_velocity(topic))
+    return named or of_base or topic.rpartition('/')[2] in (COMMANDS, FORCES)
+
+
+def _is_velocity(topic: str) -> bool:
+    return topic == cmd_vel_safe(topic.strip('/').rpartition('/')[0])
+
+
+def _source(topic: str) -> Callable[[], SeriesSource]:
+    """Return what decodes a topic."""
+    if is_odometry(topic):
+        return Odometries
+    return Velocities if _is_velocity(topic) else SOURCES.get(topic, Efforts)
 
 
 def gather(bag: Bag) -> Evidence:
@@ -162,18 +185,34 @@ def gather(bag: Bag) -> Evidence:
     """
     gatherer = _Gatherer()
     for record in bag.records():  # to ask for the topics first would be a second pass
-        if is_audited(record.topic.name):
+        if is_audited(record.topic.name, bases=True):
             gatherer.take(record)
     # The states first: the memory that their parts leave behind serves all the others.
     keys = sorted(gatherer.traces, key=lambda key: key != STATE)
     built = {key: gatherer.traces.pop(key).build() for key in keys}
+    traces = {key: trace for key, trace in built.items() if trace is not None}
+    scenario = gatherer.scenario
+    if scenario is not None and scenario.plant == BASES:
+        traces |= _states_of_bases(traces, scenario)
+    else:
+        traces = {key: it for key, it in traces.items() if not is_odometry(key)}
     return Evidence(
         path=bag.path,
         truncated=bag.truncated,
         counts=dict(bag.counts),
         notes=dict(bag.notes),
         unreadable=gatherer.unreadable,
-        scenario=gatherer.scenario,
-        traces={key: trace for key, trace in built.items() if trace is not None},
+        scenario=scenario,
+        traces=traces,
         diagnostics=gatherer.diagnostics,
     )
+
+
+def _states_of_bases(traces: Mapping[str, Trace], scenario: Scenario) -> dict[str, Trace]:
+    """Return what stands for STATE; the last base's messages tell when it was sent."""
+    told = {key: trace.series for key, trace in traces.items() if is_odometry(key)}
+    series = base_states(told, scenario)
+    last = traces.get(odometry(scenario.robots[-1].name))
+    if series is None or last is None:
+        return {}
+    return {STATE: Trace(STATE, series, last.stamps_ns, last.sent_ns, last.logged_ns, 0, (), ())}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from layered_cbf_ros.errors import BagError
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.timing import TimingParameters, timing_values
 
 
@@ -19,7 +19,7 @@ class RunParameters:
         alpha1, wall_alpha1: Decay rate from psi0 to psi1, of pairs and of walls [1/s].
         gain: Velocity gain of the known law, beta_2 [1/s].
         horizon: Of the reachable sets [s].
-        radius: Of the disc around a robot [m].
+        radii: Of the disc around each robot [m].
         speed_limit, acceleration_limit: Of the plan, per axis [m/s], [m/s^2].
         yaw_rate_limit: Of the plan [rad/s].
         confidence: Standard deviations that widen a track's set.
@@ -31,13 +31,14 @@ class RunParameters:
         max_normal_force: Of a foot [N].
         torque_limit: Of the commands [Nm].
         command_age, plan_age, forces_age: Oldest that may act in real time [s].
+        base_margin: How much smaller than its disc a base's body is [m].
     """
 
     alpha1: float
     wall_alpha1: float
     gain: float
     horizon: float
-    radius: float
+    radii: Mapping[str, float]
     speed_limit: float
     acceleration_limit: float
     yaw_rate_limit: float
@@ -52,6 +53,7 @@ class RunParameters:
     command_age: float
     plan_age: float
     forces_age: float
+    base_margin: float
 
 
 def parameters_of(scenario: Scenario) -> RunParameters:
@@ -62,12 +64,14 @@ def parameters_of(scenario: Scenario) -> RunParameters:
     """
     coordinator = _Node(scenario, 'coordinator')
     mpc, wbc = _Node(scenario, 'ground_force_mpc'), _Node(scenario, 'whole_body_controller')
+    simulator, radius = _Node(scenario, 'simulator'), coordinator.number('agent_radius')
+    has_legs = scenario.plant != BASES
     return RunParameters(
         alpha1=coordinator.number('alpha1'),
         wall_alpha1=coordinator.number('wall_alpha1'),
         gain=coordinator.number('beta', 1),
         horizon=coordinator.number('horizon'),
-        radius=coordinator.number('agent_radius'),
+        radii={robot.name: robot.disc(radius) for robot in scenario.robots},
         speed_limit=coordinator.number('speed_limit'),
         acceleration_limit=coordinator.number('acceleration_limit'),
         yaw_rate_limit=coordinator.number('yaw_rate_limit'),
@@ -79,9 +83,10 @@ def parameters_of(scenario: Scenario) -> RunParameters:
         friction=mpc.number('friction'),
         max_normal_force=mpc.number('max_normal_force'),
         torque_limit=wbc.number('torque_limit'),
-        command_age=_Node(scenario, 'simulator').number('command_age_limit'),
+        command_age=simulator.number('command_age_limit' if has_legs else 'base_timeout'),
         plan_age=min(wbc.number('age_limit'), mpc.number('age_limit')),
         forces_age=wbc.number('age_limit'),
+        base_margin=0.0 if has_legs else simulator.number('base_margin'),
     )
 
 

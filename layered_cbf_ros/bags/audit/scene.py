@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.audit.body_geometry import BodyGeometry
+from layered_cbf_ros.bags.audit.body_geometry import Centres
 from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.integration import carried
 from layered_cbf_ros.bags.audit.run_parameters import RunParameters, timing_of
@@ -62,7 +62,7 @@ def scene_of(
     evidence: Evidence,
     scenario: Scenario,
     motions: Motions,
-    geometry: BodyGeometry,
+    geometry: Centres,
     run: RunParameters,
 ) -> Scene:
     """Return the scene at every tick for which wishes and states were recorded.
@@ -102,7 +102,7 @@ def scene_of(
 
 
 def _measure_frozen(
-    scene: Scene, k: int, stands: bool, motions: Motions, geometry: BodyGeometry
+    scene: Scene, k: int, stands: bool, motions: Motions, geometry: Centres
 ) -> NDArray[np.bool_]:
     """Put in the measured CoM velocity where a plan is frozen; return where that is, (K,).
 

@@ -14,7 +14,17 @@ from layered_cbf_ros.bags.audit.limits import Limits
 from layered_cbf_ros.bags.audit.run_parameters import timing_of
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.interfaces import NS_PER_S
-from layered_cbf_ros.node_topics import BARRIERS, DESIRED, DETECTIONS, PLAN, STATE, TRACKED, TRUTH
+from layered_cbf_ros.node_topics import (
+    BARRIERS,
+    DESIRED,
+    DETECTIONS,
+    PLAN,
+    STATE,
+    TRACKED,
+    TRUTH,
+    cmd_vel_safe,
+    odometry,
+)
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import REAL_TIME, InputRules
 
@@ -117,11 +127,15 @@ def _needs(evidence: Evidence, scenario: Scenario) -> Iterator[Need]:
     rules, tick, plan = InputRules(timing), timing.tick_ns, timing.plan_ns
     last = int(evidence.traces[STATE].series.stamps_ns[-1])
     yield Need(STATE, tick, last, plant=True)
+    if evidence.has_bases:
+        for robot in scenario.robots:
+            yield Need(odometry(robot.name), tick, last, plant=True)
+            yield Need(cmd_vel_safe(robot.name), tick, rules.command.wanted(last) or 0)
     yield Need(PLAN, plan, rules.plan.wanted(last) or 0)
     yield Need(DESIRED, tick, last - tick)
     if len(scenario.robots) > 1 or scenario.walls:  # else they begin with the first track
         yield Need(BARRIERS, tick, last - tick)
-    for robot in scenario.robots:
+    for robot in () if evidence.has_bases else scenario.robots:
         yield Need(f'/{robot.name}/{COMMANDS}', tick, rules.command.wanted(last) or 0)
         yield Need(f'/{robot.name}/{FORCES}', plan, rules.forces.wanted(last) or 0)
     if scenario.obstacles:

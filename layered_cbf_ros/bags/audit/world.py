@@ -12,7 +12,7 @@ from layered_cbf_ros.bags.audit.evidence import Evidence
 from layered_cbf_ros.bags.audit.trace import Trace
 from layered_cbf_ros.bags.run.series import Series
 from layered_cbf_ros.interfaces import NS_PER_S, Array
-from layered_cbf_ros.messages.robot_state import JOINTS, VELOCITIES, state_names
+from layered_cbf_ros.messages.robot_state import JOINTS, VELOCITIES, base_names, state_names
 from layered_cbf_ros.node_topics import STATE, TRUTH
 
 POSITION, VELOCITY, EFFORT = range(3)
@@ -25,8 +25,9 @@ class Motions:
     Attributes:
         stamps_ns: Stamps [ns], (k,).
         times: The same since the first state [s], (k,).
-        robots, velocities: As in RobotState, by robot, (k, 19) and (k, 18).
-        torques: Measured joint torques, by robot [Nm], (k, 12).
+        robots, velocities: As in RobotState, by robot, (k, 19) and (k, 18); of bases their
+            pose and twist, (k, 7) and (k, 6).
+        torques: Measured joint torques, by robot [Nm], (k, 12) or (k, 0).
         obstacles: True centres in the plane, by obstacle [m], (k, 2).
         holes: What the bag doesn't tell of them, in sentences.
     """
@@ -49,12 +50,13 @@ def motions_of(evidence: Evidence) -> Motions:
     state, holes = trace.series, []
     robots, velocities, torques = {}, {}, {}
     for name in evidence.robots:
-        if not set(state_names(name)) <= set(state.names):
+        entries = base_names(name) if evidence.has_bases else state_names(name)
+        if not set(entries) <= set(state.names):
             holes.append(f'{STATE} has no whole robot {name}')
             continue
-        values = state.values[:, :, state.columns(state_names(name))]
+        values = state.values[:, :, state.columns(entries)]
         robots[name] = np.ascontiguousarray(values[:, POSITION, : JOINTS.stop])
-        velocities[name] = values[:, VELOCITY][:, VELOCITIES]
+        velocities[name] = values[:, VELOCITY][:, VELOCITIES[len(entries) > VELOCITIES]]
         torques[name] = values[:, EFFORT, JOINTS].copy()
     obstacles, unknown = _obstacles(evidence, state)
     return Motions(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -27,6 +28,11 @@ from layered_cbf_ros.interfaces import Array
 
 CYCLE_S = 0.4
 """Width of a stretch that hides the steps: one gait cycle [s]."""
+
+MOST_NAMED = 28
+"""Of more pairs only the nearest are coloured and named."""
+
+UNNAMED = '#d9d9d9'
 
 
 def draw(bag: Path, folder: Path) -> list[Path]:
@@ -76,9 +82,10 @@ def draw_distances(record: RunRecord) -> Figure | None:
         return None
     figure, (axis,) = new_figure(8.0, 3.6)
     shades = _pair_colours(record)
+    named = _lowest({pair.label: pair.margin for pair in pairs})
     for pair in pairs:
         times, values = thin(pair.times, pair.distances)
-        axis.plot(times, values, color=shades[pair.label], linewidth=1.2, label=_pair(pair.label))
+        axis.plot(times, values, linewidth=1.2, **_style(pair.label, shades, named))
     sums = sorted({round(pair.promised, 3) for pair in pairs})
     for promised in sums:
         axis.axhline(promised, color=UNSAFE, linewidth=1.0, linestyle='--')
@@ -88,7 +95,7 @@ def draw_distances(record: RunRecord) -> Figure | None:
     )  # fmt: skip
     start_at_zero(axis, *(pair.distances for pair in pairs))
     label_axes(axis, 'time [s]', 'centre distance [m]', 'Distance between bodies')
-    add_legend(axis, 1 + (len(pairs) > 14))
+    add_legend(axis, 1 + (len(named) > 14))
     return figure
 
 
@@ -101,18 +108,18 @@ def draw_barriers(record: RunRecord) -> Figure | None:
     times = record.seconds(barriers.stamps_ns)
     shades = _pair_colours(record)
     walls = _wall_pairs(record)
+    lows = np.nanmin(barriers.values[:, 0], axis=0).tolist()
+    named = _lowest(dict(zip(barriers.names, lows, strict=True)))
     for row, (axis, unit) in enumerate(zip(axes, ('m', 'm/s'), strict=True)):
         lowest = np.nanmin(barriers.values[:, row], initial=0.0)
         axis.axhspan(min(1.2 * lowest, -0.05), 0.0, color=UNSAFE, alpha=0.08, linewidth=0)
         axis.axhline(0.0, color=UNSAFE, linewidth=1.0, linestyle='--')
         for name, values in zip(barriers.names, barriers.values[:, row].T, strict=True):
-            style = ':' if name in walls else '-'
-            axis.plot(
-                *thin(times, values), style, color=shades[name], linewidth=1.1, label=_pair(name)
-            )
+            line = ':' if name in walls else '-'
+            axis.plot(*thin(times, values), line, linewidth=1.1, **_style(name, shades, named))
         label_axes(axis, 'time [s]' if row else '', rf'$\psi_{row}$ [{unit}]')
     axes[0].set_title('Barriers: the safe set is above zero', fontsize=10, loc='left')
-    add_legend(axes[0], 1 + (len(barriers.names) > 10))
+    add_legend(axes[0], 1 + (len(named) > 10))
     return figure
 
 
@@ -128,7 +135,7 @@ def draw_speeds(record: RunRecord) -> Figure | None:
         motion = record.motions[name]
         times = record.seconds(motion.stamps_ns)
         real = _smoothed(motion.configurations[:, :2], times)
-        axis.plot(*thin(times, real), color=shades[name], linewidth=1.3, label='walked')
+        axis.plot(*thin(times, real), color=shades[name], linewidth=1.3, label='measured')
         planned = np.hypot(*plan.values[:, 7:9, plan.names.index(name)].T)
         axis.plot(
             *thin(record.seconds(plan.stamps_ns), planned), color='#222222', linewidth=0.9,
@@ -144,10 +151,11 @@ def draw_speeds(record: RunRecord) -> Figure | None:
 
 def draw_torques(record: RunRecord) -> Figure | None:
     """Draw the largest torque of each robot's hip, upper and lower joints in each gait cycle."""
-    if not record.motions:
+    legged = {name: motion for name, motion in record.motions.items() if motion.has_legs}
+    if not legged:
         return None
-    figure, axes = new_figure(8.0, 1.0 + 1.5 * len(record.motions), rows=len(record.motions))
-    for axis, (name, motion) in zip(axes, record.motions.items(), strict=True):
+    figure, axes = new_figure(8.0, 1.0 + 1.5 * len(legged), rows=len(legged))
+    for axis, (name, motion) in zip(axes, legged.items(), strict=True):
         times = record.seconds(motion.stamps_ns)
         for k, (joint, shade) in enumerate(colours(('hip', 'upper', 'lower')).items()):
             strongest = np.abs(motion.torques[:, k::3]).max(axis=1)
@@ -200,6 +208,18 @@ def _pair_colours(record: RunRecord) -> dict[str, str]:
     names = [pair.label for pair in pair_distances(record)]
     names += () if record.barriers is None else record.barriers.names
     return colours(list(dict.fromkeys(names)), PAIR_COLOURS)
+
+
+def _lowest(values: Mapping[str, float]) -> set[str]:
+    """Return the pairs that are coloured and named: those of the lowest values."""
+    return set(sorted(values, key=lambda label: values[label])[:MOST_NAMED])
+
+
+def _style(label: str, shades: Mapping[str, str], named: set[str]) -> dict[str, Any]:
+    """Return colour, name and order of a pair's curve."""
+    if label not in named:
+        return {'color': UNNAMED, 'zorder': 1}
+    return {'color': shades[label], 'label': _pair(label)}
 
 
 def _wall_pairs(record: RunRecord) -> set[str]:

@@ -17,6 +17,7 @@ from layered_cbf_ros.timing import LOCKSTEP
 MPC, TRACKER = 'ground_force_mpc', 'obstacle_tracker'
 CURVES = (('median', '-', 1.4), ('99 %', '-', 0.9), ('longest so far', ':', 1.0))
 SHADES = ('#0072b2', '#56b4e9', '#7f7f7f')
+ASIDE = ('recorder', 'supervisor', 'teleop', 'viewer')  # nobody's next tick waits for them
 COLUMNS = 2
 TICKS = (1.0, 3.0)
 US_PER_S = 1e6
@@ -24,7 +25,11 @@ US_PER_S = 1e6
 
 def draw_solve_times(record: RunRecord) -> Figure | None:
     """Draw the time a tick of each node took, beside the time between two ticks."""
-    nodes = {name: times for name, times in record.solve_times.items() if len(times.stamps_ns) > 1}
+    nodes = {
+        name: times
+        for name, times in record.solve_times.items()
+        if len(times.stamps_ns) > 1 and name.rpartition('/')[2] not in ASIDE
+    }
     if not nodes:
         return None
     columns = min(COLUMNS, len(nodes))

@@ -8,13 +8,16 @@ from layered_cbf_ros.bags.recorded_scenario import recorded_scenario
 from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.errors import BagError, LayeredCbfError
 from layered_cbf_ros.node_topics import (
+    COMMANDS,
     DETECTIONS,
     PLAN,
     STATE,
     TRACKED,
     TRACKS,
+    asked_on,
     inputs_of,
 )
+from layered_cbf_ros.scenario import BASES
 
 JOINTS, POSES = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PoseArray'
 
@@ -40,11 +43,12 @@ class FedNode:
     Attributes:
         name: Full name.
         inputs: Topics that it acts on and the bag has.
-        absent: Topics that it acts on and the bag has not.
+        absent: Topics that it needs and the bag has not.
         leader: The input whose stamps are its ticks.
         outputs: What it sends; the stamps of the first tell which ticks it has done.
         ticks: Leading messages to one answer, in lockstep.
         ticks_in_real_time: The same in real time.
+        was_steered: Whether it also acted on what was asked of it in the wall's time.
     """
 
     name: str
@@ -54,6 +58,7 @@ class FedNode:
     outputs: tuple[Output, ...]
     ticks: int = 1
     ticks_in_real_time: int = 1
+    was_steered: bool = False
 
 
 def fed_node(node: str, bag: Bag) -> FedNode:
@@ -70,6 +75,11 @@ def fed_node(node: str, bag: Bag) -> FedNode:
         scenario = recorded_scenario(bag)
     except BagError as error:
         raise BagError(f'--inputs-of: {error}, or name the topics with --topics') from None
+    if scenario.plant == BASES and node.strip('/') != 'obstacle_tracker':
+        raise BagError(
+            f'--inputs-of {node}: who hears a fleet hears a topic of every base, and no single '
+            'one sets its pace; name the topics with --topics, or use re_solve'
+        )
     robots = [robot.name for robot in scenario.robots]
     try:
         wanted = inputs_of(node, robots)
@@ -79,13 +89,15 @@ def fed_node(node: str, bag: Bag) -> FedNode:
     inputs = tuple(topic for topic in wanted if topic in bag.topics)
     if wanted[0] not in inputs:
         raise BagError(f'--inputs-of {node}: the bag has no {wanted[0]}; record it with the run')
-    absent = tuple(topic for topic in wanted if topic not in inputs)
+    needed = set(wanted) - set(asked_on(robots))
+    absent = tuple(topic for topic in wanted if topic in needed and topic not in inputs)
     outputs = _outputs(name, len(robots))
     period = -(-scenario.rates.state // scenario.rates.plan)
     kind = name.rpartition('/')[2]
     ticks = period if kind in ('coordinator', 'ground_force_mpc') else 1
     in_real_time = period if kind == 'ground_force_mpc' else 1
-    return FedNode(name, inputs, absent, wanted[0], outputs, ticks, in_real_time)
+    steered = kind == 'coordinator' and COMMANDS in bag.topics and not scenario.operator
+    return FedNode(name, inputs, absent, wanted[0], outputs, ticks, in_real_time, steered)
 
 
 def _outputs(name: str, robots: int) -> tuple[Output, ...]:

@@ -43,6 +43,8 @@ class RunFigures:
             exact_within it is a lower bound.
         max_plan_error_m: Largest distance of a CoM from its plan in the plane.
         max_torque_nm: Largest torque of any joint, from the first state on.
+        e_stops, e_stop_times_s: Emergency stops, and when each began.
+        falls: Robots that fell; who sits down because he is told to has not.
         solver_failures, slack_events, deadline_misses, rejected: Sums over all nodes.
         trajectory_sha256: Hash of the motion, see measures.trajectory_sha256.
     """
@@ -64,6 +66,8 @@ class RunFigures:
     max_roll_deg: float | None
     max_pitch_deg: float | None
     max_torque_nm: float | None
+    e_stops: int
+    e_stop_times_s: tuple[float, ...]
     falls: int
     contacts: int
     fall_events: tuple[Fall, ...]
@@ -106,6 +110,8 @@ def compare(run: RunFigures, limits: Limits, goal_tolerance: float) -> list[Chec
         Check(f'{name} at goal', _text(t, 's', 2), f'within {goal_tolerance:g} m', t is not None)
         for name, t in run.goals_reached_s.items()
     ]
+    times = ', '.join(f'{time:.2f} s' for time in run.e_stop_times_s)
+    stops = [Check('emergency stops', f'{run.e_stops} (at {times})')] if times else []
     return [
         Check('scenario', run.scenario or '-'),
         Check('seed', '-' if run.seed is None else str(run.seed)),
@@ -119,6 +125,7 @@ def compare(run: RunFigures, limits: Limits, goal_tolerance: float) -> list[Chec
         _at_most('largest roll', run.max_roll_deg, limits.tilt, 'deg', 2),
         _at_most('largest pitch', run.max_pitch_deg, limits.tilt, 'deg', 2),
         _at_most('largest torque', run.max_torque_nm, limits.torque, 'Nm', 1),
+        *stops,
         Check('falls', '; '.join(falls) or '0', '0', not falls),
         Check('contacts', '; '.join(touches) or '0', '0', not touches),
         _at_most('solver failures', run.solver_failures, limits.solver_failures),

@@ -9,6 +9,7 @@ import numpy as np
 
 from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.coordination.parameters import CoordinatorParameters
+from layered_cbf_ros.discs import disc_radii
 from layered_cbf_ros.interfaces import Array
 
 
@@ -39,35 +40,26 @@ class PairDistance:
         return self.smallest - self.promised
 
 
-def agent_radius(record: RunRecord) -> float:
-    """Return the radius of the disc around a robot in this run [m].
-
-    A scenario that a supervisor ran holds every parameter; one that was run without
-    it only what it overrides.
-    """
-    scenario = record.scenario
-    coordinator = {} if scenario is None else scenario.parameters.get('coordinator', {})
-    return float(coordinator.get('agent_radius', CoordinatorParameters.agent_radius))
-
-
 def pair_distances(record: RunRecord) -> list[PairDistance]:
     """Return every robot pair at each state, every robot-obstacle pair at equal stamps."""
     if record.state is None:
         return []
     stamps = record.state.stamps_ns
     bases = {name: motion.configurations[:, :2] for name, motion in record.motions.items()}
-    times, radius = record.seconds(stamps), agent_radius(record)
+    times, scenario = record.seconds(stamps), record.scenario
+    radii = {} if scenario is None else disc_radii(scenario)
+    usual = CoordinatorParameters.agent_radius
+    sizes = {name: radii.get(name, usual) for name in bases}
     pairs = []
     for a, b in itertools.combinations(bases, 2):
         distance = np.hypot(*(bases[a] - bases[b]).T)
-        pairs.append(PairDistance(f'{a}~{b}', times, distance, 2.0 * radius))
-    scenario = record.scenario
+        pairs.append(PairDistance(f'{a}~{b}', times, distance, sizes[a] + sizes[b]))
     if record.obstacles is None or scenario is None:
         return pairs
     _, rows, seen = np.intersect1d(stamps, record.obstacles.stamps_ns, return_indices=True)
     for a in record.motions if len(rows) else ():
         for k, obstacle in enumerate(scenario.obstacles[: record.obstacles.positions.shape[1]]):
             apart = bases[a][rows] - record.obstacles.positions[seen, k]
-            label, promised = f'{a}~{obstacle.name}', radius + obstacle.radius
+            label, promised = f'{a}~{obstacle.name}', sizes[a] + obstacle.radius
             pairs.append(PairDistance(label, times[rows], np.hypot(*apart.T), promised))
     return pairs

@@ -21,7 +21,7 @@ from layered_cbf_ros.node_topics import (
     STATE,
     TRUTH,
 )
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import BASES, Scenario
 
 LONGEST_GAP = 0.1
 """Longest time without a message of a topic that proves something [s]."""
@@ -77,24 +77,31 @@ def _missing_topics(record: RunRecord) -> list[str]:
 
 
 def _doubtful_state(record: RunRecord) -> list[str]:
-    state = record.state
+    state, where = record.state, _told_by(record)
     if state is None:
-        return [f'no {STATE}: nothing is proven']
+        return [f'no {where}: nothing is proven']
     reasons = []
     if not np.isfinite(state.values).all():
-        reasons.append(f'{STATE} has values that are not finite')
+        reasons.append(f'{where} has values that are not finite')
     if state.contradictions:
-        reasons.append(f'{STATE} has {state.contradictions} stamps with two different states')
+        reasons.append(f'{where} has {state.contradictions} stamps with two different states')
     missing = measures.missing_states(state)
     if missing:
-        reasons.append(f'{missing} messages of {STATE} are missing')
+        reasons.append(f'{missing} messages of {where} are missing')
     return reasons
+
+
+def _told_by(record: RunRecord) -> str:
+    """Return what tells where the robots are."""
+    scenario = record.scenario
+    return 'odometry' if scenario is not None and scenario.plant == BASES else STATE
 
 
 def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
     """Check that every body and every pair of bodies was recorded."""
     robots = [robot.name for robot in scenario.robots]
-    reasons = [f'{STATE} has no robot {name}' for name in robots if name not in record.motions]
+    where = _told_by(record)
+    reasons = [f'{where} has no robot {name}' for name in robots if name not in record.motions]
     expected = len(scenario.obstacles)
     found = 0 if record.obstacles is None else record.obstacles.positions.shape[1]
     if expected != found:
@@ -102,7 +109,8 @@ def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
     if record.clearance is None:
         return reasons
     others = [obstacle.name for obstacle in scenario.obstacles]
-    others += [*(wall.name for wall in scenario.walls), 'ground']
+    others += [wall.name for wall in scenario.walls]
+    others += ['ground'] if scenario.plant != BASES else []
     pairs = [f'{a}~{b}' for a, b in itertools.combinations(robots, 2)]
     pairs += [f'{robot}~{other}' for robot in robots for other in others]
     for pair in pairs:
@@ -118,7 +126,8 @@ def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
 def _missing_nodes(record: RunRecord, scenario: Scenario) -> list[str]:
     """Check that every controller told how its solver fared."""
     nodes = ['/coordinator']
-    nodes += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
+    if scenario.plant != BASES:
+        nodes += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
     return [
         f'no {DIAGNOSTICS} of {node}: its solver failures are not known'
         for node in nodes

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layered_cbf_ros.bags.run.message_form import POSITION
+from layered_cbf_ros.bags.run.message_form import EFFORT, POSITION
 from layered_cbf_ros.bags.run.motions import RobotMotion
 from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.bags.run.series import Series
+from layered_cbf_ros.bags.run.stops import told_to_sit
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.robot_model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
 from layered_cbf_ros.scenario import Scenario
@@ -82,21 +83,24 @@ def goal_times(record: RunRecord, scenario: Scenario) -> dict[str, float | None]
 
 
 def find_falls(record: RunRecord) -> tuple[Fall, ...]:
-    """Return the first fall of each robot: tilted, low, or on the ground with a body part."""
+    """Return the first fall of each robot: tilted, low, or on the ground with a body part.
+
+    One that is told to sit may be low and lie on its belly, but not tip over.
+    """
     falls = []
     tilted = f'trunk tilted beyond {np.rad2deg(FALLEN_TILT):.0f} deg'
     low = f'base below {FALLEN_HEIGHT} m'
-    for robot, motion in record.motions.items():
+    legged = {name: motion for name, motion in record.motions.items() if motion.has_legs}
+    for robot, motion in legged.items():
         times = record.seconds(motion.stamps_ns)
         tilt = roll_pitch_tilt(motion.configurations[:, 3:7])[2]
         height = motion.configurations[:, 2]
+        sits = told_to_sit(record.plan, robot, motion.stamps_ns)
         found = [
             *_first_fall(robot, times, tilt > FALLEN_TILT, tilted),
-            *_first_fall(robot, times, height < FALLEN_HEIGHT, low),
+            *_first_fall(robot, times, (height < FALLEN_HEIGHT) & ~sits, low),
+            *_ground_touched(record, robot),
         ]
-        contact = next((c for c in _contacts(record) if c.pair == f'{robot}~ground'), None)
-        if contact is not None:
-            found.append(Fall(robot, contact.time_s, 'ground touched by more than feet'))
         falls += sorted(found, key=lambda fall: fall.time_s)[:1]
     return tuple(falls)
 
@@ -129,7 +133,7 @@ def centres_of_mass(model: RobotModel, motion: RobotMotion, rows: NDArray[np.int
 
 
 def largest_plan_error(record: RunRecord) -> float | None:
-    """Return the largest distance in the plane of a CoM from its plan [m].
+    """Return the largest distance in the plane of a CoM, or a disc, from its plan [m].
 
     State and plan are compared at equal stamps, 10 ms apart.
     """
@@ -144,7 +148,10 @@ def largest_plan_error(record: RunRecord) -> float | None:
         return None
     model, errors = RobotModel(), []
     for robot in robots:
-        com = centres_of_mass(model, record.motions[robot], rows)
+        motion = record.motions[robot]
+        com = motion.configurations[rows]
+        if motion.has_legs:
+            com = centres_of_mass(model, motion, rows)
         error = plan.values[planned, :2, plan.names.index(robot)] - com[:, :2]
         errors.append(np.hypot(*error.T).max())
     return float(np.max(errors))
@@ -188,6 +195,17 @@ def _contacts(record: RunRecord) -> list[Contact]:
         if len(touching):
             contacts.append(Contact(name, float(times[touching[0]]), float(np.nanmax(forces))))
     return contacts
+
+
+def _ground_touched(record: RunRecord, robot: str) -> list[Fall]:
+    """Return when a robot that wasn't told to sit first touched the ground with its body."""
+    clearance, pair = record.clearance, f'{robot}~ground'
+    if clearance is None or pair not in clearance.names:
+        return []
+    touching = clearance.values[:, EFFORT, clearance.names.index(pair)] > 0.0
+    touching &= ~told_to_sit(record.plan, robot, clearance.stamps_ns)
+    times = record.seconds(clearance.stamps_ns)
+    return _first_fall(robot, times, touching, 'ground touched by more than feet')
 
 
 def _is_ground(pair: str) -> bool:

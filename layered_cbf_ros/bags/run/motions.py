@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from layered_cbf_ros.bags.run.message_form import EFFORT, POSITION, VELOCITY
 from layered_cbf_ros.bags.run.series import Series
 from layered_cbf_ros.interfaces import Array
-from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, state_names
+from layered_cbf_ros.messages.robot_state import FEET, JOINTS, VELOCITIES, base_names, state_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +21,11 @@ class RobotMotion:
 
     Attributes:
         stamps_ns: Stamps [ns], (k,).
-        configurations: As in RobotState, (k, 19).
+        configurations: As in RobotState, (k, 19); of a base without legs, its pose, (k, 7).
         rates: Of each entry of a configuration; of the quaternion, three entries hold
-            the angular velocity, the fourth is unused, (k, 19).
-        torques: Joint torques [Nm], (k, 12).
-        foot_forces: Normal force on each foot [N], (k, 4).
+            the angular velocity, the fourth is unused, (k, 19) or (k, 7).
+        torques: Joint torques [Nm], (k, 12) or (k, 0).
+        foot_forces: Normal force on each foot [N], (k, 4) or (k, 0).
     """
 
     stamps_ns: NDArray[np.int64]
@@ -36,8 +36,13 @@ class RobotMotion:
 
     @property
     def velocities(self) -> Array:
-        """Velocities as in RobotState, (k, 18); a copy."""
-        return self.rates[:, VELOCITIES]
+        """Velocities as in RobotState, (k, 18) or (k, 6); a copy."""
+        return self.rates[:, VELOCITIES[self.rates.shape[1] > VELOCITIES]]
+
+    @property
+    def has_legs(self) -> bool:
+        """Tell whether this is more than a base."""
+        return bool(self.torques.shape[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,9 @@ def robot_motions(state: Series | None) -> dict[str, RobotMotion]:
     names = [name.split('/')[0] for name in state.names if name.endswith('/base_x')]
     motions = {}
     for name in names:
-        values = _picked(state.values, state.columns(state_names(name)))
+        whole = set(state_names(name)) <= set(state.names)
+        entries = state_names(name) if whole else base_names(name)
+        values = _picked(state.values, state.columns(entries))
         motions[name] = RobotMotion(
             state.stamps_ns,
             values[:, POSITION, : JOINTS.stop],

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layered_cbf_ros.bags.run.base_states import Odometries, base_states, is_odometry
 from layered_cbf_ros.bags.run.motions import ObstacleMotion, RobotMotion, robot_motions
 from layered_cbf_ros.bags.run.node_health import NodeHealth, SolveTimes
 from layered_cbf_ros.bags.run.series import (
@@ -30,6 +31,7 @@ from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.node_topics import (
     BARRIERS,
     CLEARANCE,
+    COMMANDS,
     DIAGNOSTICS,
     INTERVENTION,
     PLAN,
@@ -37,7 +39,7 @@ from layered_cbf_ros.node_topics import (
     STATE,
     TRUTH,
 )
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.scenario_file import from_json
 
 
@@ -52,8 +54,9 @@ class RunRecord:
         wall_span_ns: When the first and the last state were recorded [ns].
         unreadable: Messages that couldn't be decoded, by topic.
         scenario: What was run, or None if the bag doesn't tell.
-        state, plan, clearance, barriers, intervention: The topics of these
-            names, or None where the bag has no message.
+        state, plan, clearance, barriers, intervention, commands: The topics of these
+            names, or None where the bag has no message; of bases, the state is put
+            together from their odometry.
         motions: Motion of each robot in /state, in its order.
         obstacles: Their true motion, or None.
         counters: Sum of each counter over the life of a node and its restarts,
@@ -75,6 +78,7 @@ class RunRecord:
     clearance: Series | None
     barriers: Series | None
     intervention: Series | None
+    commands: Series | None
     obstacles: ObstacleMotion | None
     counters: Mapping[str, Mapping[str, int]]
     diagnostics: Mapping[str, Mapping[str, str]]
@@ -101,24 +105,35 @@ class RunGatherer:
             PLAN: PlannedMotions(),
             BARRIERS: JointTrajectories(),
             INTERVENTION: JointTrajectories(),
+            COMMANDS: JointTrajectories(),
         }
-        self.topics = frozenset((*self._series, TRUTH, SCENARIO, DIAGNOSTICS))
+        self._topics = frozenset((*self._series, TRUTH, SCENARIO, DIAGNOSTICS))
+        self._odometry: dict[str, SeriesBuilder] = {}
         self._health = NodeHealth()
         self._scenario: Scenario | None = None
         self._unreadable: dict[str, int] = {}
-        self._wall_span_ns = (0, 0)
+        self._wall_spans_ns: dict[bool, tuple[int, int]] = {}
         self._state_ns: int | None = None
         self._decoder = MessageDecoder()
         self._obstacles: dict[int, Array] = {}
 
+    def wants(self, topic: str) -> bool:
+        """Tell whether a topic tells of the run."""
+        return topic in self._topics or is_odometry(topic)
+
     def take(self, record: Record) -> None:
-        """Take one message of `topics`; count it if it can't be decoded."""
+        """Take one message that it wants; count it if it can't be decoded."""
         topic = record.topic.name
-        if topic == STATE:
-            first_ns, _ = self._wall_span_ns
-            self._wall_span_ns = (first_ns or record.log_time_ns, record.log_time_ns)
+        is_odom = is_odometry(topic)
+        if topic == STATE or is_odom:
+            first_ns, _ = self._wall_spans_ns.get(is_odom, (record.log_time_ns, 0))
+            self._wall_spans_ns[is_odom] = first_ns, record.log_time_ns
         try:
-            if topic in self._series:
+            if is_odom:
+                self._odometry.setdefault(topic, Odometries()).add(record.data)
+                if False not in self._wall_spans_ns:
+                    self._state_ns = stamp_of(record.data)
+            elif topic in self._series:
                 self._series[topic].add(record.data)
                 if topic == STATE:
                     self._state_ns = stamp_of(record.data)
@@ -135,11 +150,17 @@ class RunGatherer:
             bag: The bag, after the pass.
         """
         built = {topic: builder.build() for topic, builder in self._series.items()}
+        if self._scenario is not None and self._scenario.plant == BASES:
+            told = {topic: builder.build() for topic, builder in self._odometry.items()}
+            known = {topic: series for topic, series in told.items() if series is not None}
+            built[STATE] = base_states(known, self._scenario)
         return RunRecord(
             path=path,
             counts=bag.counts,
             truncated=bag.truncated,
-            wall_span_ns=self._wall_span_ns,
+            wall_span_ns=next(
+                (self._wall_spans_ns[k] for k in sorted(self._wall_spans_ns)), (0, 0)
+            ),
             unreadable=self._unreadable,
             scenario=self._scenario,
             state=built[STATE],
@@ -148,6 +169,7 @@ class RunGatherer:
             clearance=built[CLEARANCE],
             barriers=built[BARRIERS],
             intervention=built[INTERVENTION],
+            commands=built[COMMANDS],
             obstacles=self._obstacle_motion(),
             counters=self._health.totals(),
             diagnostics=self._health.last,
@@ -185,6 +207,6 @@ def load_run(path: Path) -> RunRecord:
         BagError: If there is no bag.
     """
     bag, gatherer = open_bag(path), RunGatherer()
-    for record in bag.records(gatherer.topics):
+    for record in bag.records({name for name in bag.topics if gatherer.wants(name)}):
         gatherer.take(record)
     return gatherer.finish(path, bag)

@@ -18,6 +18,7 @@ from layered_cbf_ros.bags.run.checks import Check, Limits, RunFigures, compare, 
 from layered_cbf_ros.bags.run.distances import pair_distances
 from layered_cbf_ros.bags.run.evidence import missing_evidence
 from layered_cbf_ros.bags.run.run_record import RunRecord, load_run
+from layered_cbf_ros.bags.run.stops import emergency_stops
 from layered_cbf_ros.interfaces import NS_PER_S
 
 
@@ -89,6 +90,7 @@ def measure(record: RunRecord, wall_time_s: float | None = None) -> RunFigures:
     clearance = measures.smallest_clearance(record)
     roll, pitch, torque = _extremes(record)
     falls, contacts = measures.find_falls(record), measures.find_contacts(record)
+    stops = emergency_stops(record)
     return RunFigures(
         bag=str(record.path),
         scenario=None if scenario is None else scenario.name,
@@ -107,6 +109,8 @@ def measure(record: RunRecord, wall_time_s: float | None = None) -> RunFigures:
         max_roll_deg=roll,
         max_pitch_deg=pitch,
         max_torque_nm=torque,
+        e_stops=len(stops),
+        e_stop_times_s=stops,
         falls=len(falls),
         contacts=len(contacts),
         fall_events=falls,
@@ -135,6 +139,7 @@ def _extremes(record: RunRecord) -> tuple[float | None, float | None, float | No
         roll, pitch, _ = measures.roll_pitch_tilt(motion.configurations[:, 3:7])
         rolls.append(np.abs(roll).max())
         pitches.append(np.abs(pitch).max())
-        torques.append(np.abs(motion.torques).max())
+        if motion.has_legs:
+            torques.append(np.abs(motion.torques).max())
     roll_deg, pitch_deg = float(np.rad2deg(np.max(rolls))), float(np.rad2deg(np.max(pitches)))
-    return roll_deg, pitch_deg, float(np.max(torques))
+    return roll_deg, pitch_deg, float(np.max(torques)) if torques else None
