@@ -15,7 +15,7 @@ from aiohttp import WSMsgType, web
 
 from layered_cbf_ros.viewing.front.front import Front
 from layered_cbf_ros.viewing.front.options import FrontOptions
-from layered_cbf_ros.viewing.snapshot import BarrierSight, RobotSight, Snapshot
+from layered_cbf_ros.viewing.sight.snapshot import BarrierSight, RobotSight, Snapshot
 
 FLAGS = (
     *('--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'),

@@ -30,8 +30,8 @@ from layered_cbf_ros.robot_description import robot_description
 from layered_cbf_ros.robot_model import RobotModel, find_urdf
 from layered_cbf_ros.scenario import Wall
 from layered_cbf_ros.viewing.links import Links
-from layered_cbf_ros.viewing.renderer_colours import barrier_colour
-from layered_cbf_ros.viewing.snapshot import BallSight, Snapshot
+from layered_cbf_ros.viewing.palette import barrier_colour
+from layered_cbf_ros.viewing.sight.snapshot import BallSight, Snapshot
 
 PARAMS = Path(__file__).resolve().parents[1] / 'params'
 STRING = 'std_msgs/msg/String'

@@ -18,14 +18,10 @@ from synthetic_bag import Recipe, write_bag
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.scenario import Wall
-from layered_cbf_ros.viewing.bag_sight import BagSight
-from layered_cbf_ros.viewing.renderer import Renderer
-from layered_cbf_ros.viewing.renderer_camera import NEAR, Camera, cut_in_front
-from layered_cbf_ros.viewing.renderer_colours import ROBOTS, barrier_colour
-from layered_cbf_ros.viewing.renderer_frame import Frame
-from layered_cbf_ros.viewing.renderer_history import History
-from layered_cbf_ros.viewing.renderer_solids import TO_LIGHT, facets
-from layered_cbf_ros.viewing.snapshot import (
+from layered_cbf_ros.viewing.history import History
+from layered_cbf_ros.viewing.palette import ROBOTS, barrier_colour
+from layered_cbf_ros.viewing.sight.bag_sight import BagSight
+from layered_cbf_ros.viewing.sight.snapshot import (
     BallSight,
     BarrierSight,
     ObstacleSight,
@@ -33,8 +29,12 @@ from layered_cbf_ros.viewing.snapshot import (
     Snapshot,
 )
 from layered_cbf_ros.viewing.solids import cylinder
-from layered_cbf_ros.viewing.video_file import shown_fps, write_video
-from layered_cbf_ros.viewing.video_frames import VideoWish, aim_at, frames
+from layered_cbf_ros.viewing.video.camera import NEAR, Camera, cut_in_front
+from layered_cbf_ros.viewing.video.file import shown_fps, write_video
+from layered_cbf_ros.viewing.video.frame import Frame
+from layered_cbf_ros.viewing.video.frames import VideoWish, aim_at, frames
+from layered_cbf_ros.viewing.video.renderer import Renderer
+from layered_cbf_ros.viewing.video.shading import TO_LIGHT, facets
 
 SIZE = 640, 360
 STANDING = RobotModel().nominal_configuration(np.zeros(2), 0.0)

@@ -26,7 +26,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from layered_cbf_ros.robot_model import FALLEN_HEIGHT
-from layered_cbf_ros.viewing.bag_sight import BagSight
+from layered_cbf_ros.viewing.sight.bag_sight import BagSight
 
 pytestmark = pytest.mark.system
 

@@ -17,10 +17,10 @@ from layered_cbf_ros.interfaces import Array
 from layered_cbf_ros.messages.standard import WORLD, header
 from layered_cbf_ros.node_topics import MARKERS, TRANSFORMS
 from layered_cbf_ros.nodes.message_types import message_class
+from layered_cbf_ros.viewing.history import History
 from layered_cbf_ros.viewing.links import Links
 from layered_cbf_ros.viewing.markers import Mark, Numbers, marks
-from layered_cbf_ros.viewing.renderer_history import History
-from layered_cbf_ros.viewing.snapshot import Snapshot
+from layered_cbf_ros.viewing.sight.snapshot import Snapshot
 
 LIFETIME = Duration(sec=2)
 """So long tools show a marker that isn't sent again: until who sends has ended."""

@@ -37,7 +37,7 @@ from layered_cbf_ros.node_topics import (
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched, reliable
 from layered_cbf_ros.perception.known_tracks import track_radius
 from layered_cbf_ros.scenario import Scenario
-from layered_cbf_ros.viewing.live import LiveSight
+from layered_cbf_ros.viewing.sight.live import LiveSight
 
 TRAJECTORIES = (BARRIERS, INTERVENTION, DESIRED, COMMANDS)
 TRUTH_PATIENCE_S = 2.0

@@ -19,9 +19,9 @@ from layered_cbf_ros.nodes.operator_joy import OperatorJoy
 from layered_cbf_ros.nodes.ros_tools import RosTools
 from layered_cbf_ros.nodes.sight_subscriptions import SightSubscriptions
 from layered_cbf_ros.nodes.transport import find_each_other_fast, latched
-from layered_cbf_ros.viewing.live import LiveSight
-from layered_cbf_ros.viewing.pace import Pace
-from layered_cbf_ros.viewing.snapshot import Snapshot
+from layered_cbf_ros.viewing.scene.pace import Pace
+from layered_cbf_ros.viewing.sight.live import LiveSight
+from layered_cbf_ros.viewing.sight.snapshot import Snapshot
 from layered_cbf_ros.viewing.viewer_options import ViewerOptions, parse_viewer
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class LiveShow:
     """The running graph in the page."""
 
     def __init__(self, server: viser.ViserServer, options: ViewerOptions) -> None:
-        from layered_cbf_ros.viewing.view import TimeButtons, View
+        from layered_cbf_ros.viewing.scene.view import TimeButtons, View
 
         self._node = Node('viewer', start_parameter_services=False)
         self._ready = self._node.create_publisher(String, '/ready', latched())
@@ -110,7 +110,7 @@ def view(arguments: Sequence[str]) -> int:
     ros = own[own.index(ROS_ARGUMENTS) :] if ROS_ARGUMENTS in own else []
     options = parse_viewer(own[: len(own) - len(ros)])
     try:
-        from layered_cbf_ros.viewing.viser_server import start_viser, stop_viser
+        from layered_cbf_ros.viewing.scene.viser_server import start_viser, stop_viser
     except ImportError as error:
         raise LayeredCbfError(
             f'the viewer needs the package {error.name}; pip install viser aiohttp'
@@ -132,9 +132,9 @@ def view(arguments: Sequence[str]) -> int:
 
 
 def _show_bag(server: viser.ViserServer, options: ViewerOptions, ending: Ending) -> None:
-    from layered_cbf_ros.viewing.bag_show import BagShow
-    from layered_cbf_ros.viewing.bag_sight import BagSight
     from layered_cbf_ros.viewing.front.front import Front
+    from layered_cbf_ros.viewing.scene.bag_show import BagShow
+    from layered_cbf_ros.viewing.sight.bag_sight import BagSight
 
     assert options.run is not None
     show = BagShow(server, BagSight(options.run))

@@ -11,8 +11,9 @@ import numpy as np
 
 from layered_cbf_ros.interfaces import Array
 from layered_cbf_ros.scenario import Wall
+from layered_cbf_ros.viewing.history import History
 from layered_cbf_ros.viewing.links import Links
-from layered_cbf_ros.viewing.renderer_colours import (
+from layered_cbf_ros.viewing.palette import (
     DESIRED,
     OBSTACLE,
     WALL,
@@ -20,8 +21,7 @@ from layered_cbf_ros.viewing.renderer_colours import (
     barrier_colour,
     robot_colour,
 )
-from layered_cbf_ros.viewing.renderer_history import History
-from layered_cbf_ros.viewing.snapshot import RobotSight, Snapshot
+from layered_cbf_ros.viewing.sight.snapshot import RobotSight, Snapshot
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0)
 TRUNK_SIZE = (0.267, 0.194, 0.114)  # of the description's collision box [m]

@@ -12,8 +12,8 @@ from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.yaml_entry import suggestion
 
 if TYPE_CHECKING:
-    from layered_cbf_ros.viewing.bag_sight import BagSight
-    from layered_cbf_ros.viewing.video_frames import VideoWish
+    from layered_cbf_ros.viewing.sight.bag_sight import BagSight
+    from layered_cbf_ros.viewing.video.frames import VideoWish
 
 FLAGS = {'from_': '--from', 'to': '--to', 'speed': '--speed', 'size': '--size', 'fps': '--fps',
          'follow': '--follow'}  # fmt: skip
@@ -59,9 +59,9 @@ def make_video(options: argparse.Namespace) -> None:
     Raises:
         LayeredCbfError: If the command is bad, or the video can't be drawn or written.
     """
-    from layered_cbf_ros.viewing.bag_sight import BagSight  # loads the robot's meshes
-    from layered_cbf_ros.viewing.video import render
-    from layered_cbf_ros.viewing.video_file import check_encoder
+    from layered_cbf_ros.viewing.sight.bag_sight import BagSight  # loads the robot's meshes
+    from layered_cbf_ros.viewing.video.file import check_encoder
+    from layered_cbf_ros.viewing.video.video import render
 
     path = options.video
     check_encoder(path)
@@ -135,8 +135,8 @@ def _wish(
     size: tuple[int, int],
 ) -> VideoWish:
     """Return which part of the run is wanted, and how."""
-    from layered_cbf_ros.viewing.video_file import shown_fps
-    from layered_cbf_ros.viewing.video_frames import VideoWish
+    from layered_cbf_ros.viewing.video.file import shown_fps
+    from layered_cbf_ros.viewing.video.frames import VideoWish
 
     begin = 0.0 if options.from_ is None else options.from_
     end = sight.duration if options.to is None else min(options.to, sight.duration)

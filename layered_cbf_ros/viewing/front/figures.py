@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from layered_cbf_ros.interfaces import NS_PER_S
-from layered_cbf_ros.viewing.snapshot import RobotSight, Snapshot
+from layered_cbf_ros.viewing.sight.snapshot import RobotSight, Snapshot
 
 COORDINATOR = '/coordinator'
 

@@ -15,7 +15,7 @@ from layered_cbf_ros.viewing.front.options import FrontOptions
 from layered_cbf_ros.viewing.front.port import listen, own_address
 from layered_cbf_ros.viewing.front.team import Team
 from layered_cbf_ros.viewing.front.view_proxy import ViewProxy
-from layered_cbf_ros.viewing.snapshot import Snapshot
+from layered_cbf_ros.viewing.sight.snapshot import Snapshot
 
 CLOSING_S = 5.0
 

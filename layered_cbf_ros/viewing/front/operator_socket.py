@@ -18,7 +18,7 @@ from layered_cbf_ros.viewing.front.figures import figures_of
 from layered_cbf_ros.viewing.front.operator_lock import Lock
 from layered_cbf_ros.viewing.front.page_messages import PageMessage, read_page_message
 from layered_cbf_ros.viewing.front.team import Team
-from layered_cbf_ros.viewing.snapshot import Snapshot
+from layered_cbf_ros.viewing.sight.snapshot import Snapshot
 
 BEAT_S = 1.0 / 30.0
 FIGURES_EVERY = 3  # beats

@@ -1,0 +1,1 @@
+"""A bag as a moving picture, drawn on the processor alone."""
