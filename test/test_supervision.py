@@ -16,6 +16,8 @@ from rclpy.node import Node
 
 from layered_cbf_ros.errors import GraphError, LayeredCbfError, ParameterError
 from layered_cbf_ros.health import Level, Report
+from layered_cbf_ros.operation.parameters import JoystickParameters
+from layered_cbf_ros.parameters import read_parameter_file
 from layered_cbf_ros.patterns import Standing
 from layered_cbf_ros.resources import find_folder
 from layered_cbf_ros.scenario import Desired, Detections, Obstacle, Rates, Robot, Scenario, World
@@ -33,6 +35,7 @@ from layered_cbf_ros.supervision.run_parameters import (
     parameter_file,
     read_defaults,
     run_parameters,
+    with_joystick,
 )
 from layered_cbf_ros.supervision.shutdown import Patience
 from layered_cbf_ros.supervision.status import (
@@ -720,3 +723,16 @@ def test_ports_of_our_domain_that_nobody_maps_are_removed(tmp_path, monkeypatch)
     assert foreign.exists()
     assert not free.exists()
     assert not mutex.exists()
+
+
+def test_a_pad_s_preset_becomes_the_coordinator_s_and_a_wrong_one_is_named():
+    folder = find_folder('params') / 'joystick'
+    chosen = with_joystick(load_scenario('stand'), folder, 'ps5')
+    told = read_parameter_file(folder / 'ps5.yaml')['coordinator']
+    assert told['all_button'] != JoystickParameters().all_button
+    assert told.items() <= chosen.parameters['coordinator'].items()
+    defaults = read_defaults(find_folder('params'))
+    values = run_parameters(chosen, defaults, Path('world.json'), None)['/coordinator']
+    assert values['all_button'] == told['all_button']
+    with pytest.raises(ParameterError, match=r"no pad 'ps6'; did you mean .*there are"):
+        with_joystick(load_scenario('stand'), folder, 'ps6')

@@ -19,6 +19,7 @@ from layered_cbf_ros.health import Report
 from layered_cbf_ros.nodes.graph_news import GraphNews
 from layered_cbf_ros.nodes.status_listener import show_status
 from layered_cbf_ros.nodes.transport import find_each_other_fast
+from layered_cbf_ros.resources import find_folder
 from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.scenario_file import load_scenario, with_overrides
 from layered_cbf_ros.supervision import shared_memory
@@ -32,6 +33,7 @@ from layered_cbf_ros.supervision.process_plan import (
     viewer_process,
 )
 from layered_cbf_ros.supervision.run_folder import RunFolder, make_run_folder
+from layered_cbf_ros.supervision.run_parameters import with_joystick
 from layered_cbf_ros.supervision.status import (
     faults_of_run,
     is_told_of,
@@ -167,6 +169,9 @@ def supervise(options: Options) -> int:
     scenario = with_overrides(
         load_scenario(options.scenario), options.seed, options.duration, time_mode
     )
+    if options.joystick is not None:
+        presets = find_folder('params') / 'joystick'
+        scenario = with_joystick(scenario, presets, options.joystick)
     if options.json is not None:
         check_writable(options.json)
     if options.front is not None:

@@ -22,6 +22,7 @@ class Options:
         seed, duration: Other ones than the scenario's, if not None.
         output: Folder of the run, None for a new one below `runs/`.
         json: Where the summary goes too, if not None.
+        joystick: Which preset the coordinator reads joysticks by, None for its own.
         real_time: Run against the wall clock.
         record: Record a bag and judge it.
         front: Where the page of the run is, None for no page.
@@ -32,6 +33,7 @@ class Options:
     duration: float | None = None
     output: Path | None = None
     json: Path | None = None
+    joystick: str | None = None
     real_time: bool = False
     record: bool = True
     front: FrontOptions | None = None
@@ -55,6 +57,9 @@ def parse(arguments: Sequence[str]) -> Options:
     parser.add_argument('--duration', type=float, metavar='S', help='longest simulated time [s]')
     parser.add_argument('--output', type=Path, metavar='DIR', help='folder of the run')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the summary there too')
+    parser.add_argument(
+        '--joystick', metavar='PAD', help='your pad: the name of a file in params/joystick, as ps5'
+    )
     parser.add_argument(
         '--real-time', action='store_true', help='run against the wall clock, not in lockstep'
     )

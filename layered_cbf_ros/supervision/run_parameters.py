@@ -17,6 +17,7 @@ from layered_cbf_ros.scenario import BASES, Scenario
 from layered_cbf_ros.scenario_checks import SETTLED, problems
 from layered_cbf_ros.supervision.process_plan import COORDINATOR, PLANT, RECORDER, node_names
 from layered_cbf_ros.timing import REAL_TIME, timing_values
+from layered_cbf_ros.yaml_entry import suggestion
 
 Values = dict[str, Any]
 
@@ -31,6 +32,27 @@ def read_defaults(folder: Path) -> dict[str, Values]:
     for file in sorted(folder.glob('*.yaml')):
         defaults |= read_parameter_file(file)
     return defaults
+
+
+def with_joystick(scenario: Scenario, folder: Path, pad: str) -> Scenario:
+    """Return the scenario with a pad's preset among the coordinator's parameters.
+
+    Args:
+        scenario: What is run; what it says itself of the joystick goes behind the preset.
+        folder: Where presets are.
+        pad: Name of one.
+
+    Raises:
+        ParameterError: If there is no such preset.
+    """
+    names = sorted(file.stem for file in folder.glob('*.yaml'))
+    if pad not in names:
+        hint = suggestion(pad, names)
+        raise ParameterError(f"--joystick: no pad '{pad}'; {hint}there are {', '.join(names)}")
+    preset = read_parameter_file(folder / f'{pad}.yaml')[COORDINATOR.strip('/')]
+    mine = {**scenario.parameters.get(COORDINATOR.strip('/'), {}), **preset}
+    parameters = {**scenario.parameters, COORDINATOR.strip('/'): mine}
+    return dataclasses.replace(scenario, parameters=parameters)
 
 
 def explicit(scenario: Scenario, defaults: Mapping[str, Mapping[str, Any]]) -> Scenario:
