@@ -48,6 +48,27 @@ class RobotState:
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """What the sensors of one quadruped read: it cannot see where it is.
+
+    Attributes:
+        stamp_ns: Time of the measurement [ns].
+        joints: Joint angles [rad], joint velocities [rad/s] and torques [Nm], (3, 12).
+        orientation: Of the IMU, quaternion x, y, z, w, (4,); its yaw begins anywhere.
+        angular_velocity: Base frame [rad/s], (3,).
+        specific_force: Acceleration minus gravity, base frame [m/s^2], (3,).
+        foot_forces: Of each foot, in the sensor's unit, (4,).
+    """
+
+    stamp_ns: int
+    joints: Array
+    orientation: Array
+    angular_velocity: Array
+    specific_force: Array
+    foot_forces: Array
+
+
+@dataclass(frozen=True, slots=True)
 class BaseState:
     """Measured motion in the plane of a robot that has its own locomotion.
 

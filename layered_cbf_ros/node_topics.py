@@ -27,6 +27,21 @@ def odometry(robot: str) -> str:
     return f'/{robot}/odom'
 
 
+def measured(robot: str) -> str:
+    """Return the topic on which a robot tells what its sensors read."""
+    return f'/{robot}/measured'
+
+
+def robot_state(robot: str) -> str:
+    """Return the topic of the state of one robot, where each has a topic of its own."""
+    return f'/{robot}/state'
+
+
+def external_pose(robot: str) -> str:
+    """Return the topic on which motion capture tells where a robot is."""
+    return f'/{robot}/external_pose'
+
+
 def cmd_vel(robot: str) -> str:
     """Return the topic on which a planner asks a robot for a velocity."""
     return f'/{robot}/cmd_vel'

@@ -6,9 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from layered_cbf_ros.patterns import Pattern
+from layered_cbf_ros.scenario_emulation import Emulation
 from layered_cbf_ros.scenario_operator import PadStep
 
-BULLET, BASES = 'bullet', 'bases'
+BULLET, BASES, A1, EMULATED_A1 = 'bullet', 'bases', 'a1', 'emulated_a1'
+HARDWARE = (A1, EMULATED_A1)
+"""Plants at the other end of a wire, each robot with a driver."""
+TRUTH, ESTIMATOR = 'truth', 'estimator'
 LEGGED, OMNI, UNICYCLE = 'legged', 'omni', 'unicycle'
 
 
@@ -54,6 +58,7 @@ class Robot:
         kind: 'legged': an A1 with the layers below; 'omni' or 'unicycle': a base with its
             own locomotion, which moves in every direction, or only forward and back.
         radius: Of the disc that a base is kept apart by [m], None: the coordinator's.
+        address: Where a real A1 listens, as `192.168.123.10:8007`; '': there.
     """
 
     name: str
@@ -64,6 +69,7 @@ class Robot:
     payload: float = 0.0
     kind: str = LEGGED
     radius: float | None = None
+    address: str = ''
 
     def disc(self, agent_radius: float) -> float:
         """Return the radius of its disc, given that of robots without their own [m]."""
@@ -168,13 +174,19 @@ class Scenario:
         seed: Seed of everything random.
         duration: Longest simulated time [s].
         time: 'lockstep' or 'real_time'.
-        plant: 'bullet': A1s and their layers; 'bases': bases with their own locomotion.
+        plant: 'bullet': A1s and their layers; 'bases': bases with their own locomotion;
+            'a1': real A1s, each with a driver; 'emulated_a1': the same drivers, and what
+            answers them in place of the robots.
+        states: What feeds the layers: 'truth', what is in the simulator, or 'estimator',
+            what the robot's sensors tell of it.
+        pace: How much of the run's time passes in a second, of emulated robots.
         goal_tolerance: Distance at which a goal counts as reached [m].
         robots, obstacles, walls: Who is there.
         world: The ground and the disturbances.
         rates: How often the graph computes.
         parameters: Node parameters that differ from params/*.yaml, by node.
         operator: What a simulated operator holds on a virtual pad.
+        emulation: How emulated robots differ from perfect ones.
     """
 
     name: str
@@ -191,3 +203,6 @@ class Scenario:
     rates: Rates = field(default_factory=Rates)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     operator: tuple[PadStep, ...] = ()
+    states: str = TRUTH
+    pace: float = 1.0
+    emulation: Emulation = field(default_factory=Emulation)

@@ -9,8 +9,18 @@ from dataclasses import dataclass
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS, check_parameters, parameter_names
 from layered_cbf_ros.patterns import Standing
-from layered_cbf_ros.scenario import BASES, Obstacle, Robot, Scenario, Wall, World
+from layered_cbf_ros.scenario import (
+    BASES,
+    EMULATED_A1,
+    HARDWARE,
+    Obstacle,
+    Robot,
+    Scenario,
+    Wall,
+    World,
+)
 from layered_cbf_ros.scenario_operator import STEERED
+from layered_cbf_ros.timing import REAL_TIME
 from layered_cbf_ros.yaml_entry import suggestion
 
 BODY_RADIUS = 0.3  # a disc of this radius contains a standing A1 [m]
@@ -22,6 +32,8 @@ SETTLED = {
     'plan_rate': RATES,
     'detection_rate': RATES,
     'detection_delay': 'give the delay of world: detections: instead',
+    'pace': 'give pace: instead',
+    'epoch_ns': 'leave it out: it is when the run begins',
     'gait': "give the robot's gait instead",
     **dict.fromkeys(
         ('output', 'topics', 'regex', 'exclude_topics', 'exclude_regex', 'force'),
@@ -58,6 +70,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
     yield from _pushes(scenario)
     yield from _legless(scenario)
     yield from _steered(scenario)
+    yield from _wired(scenario)
     yield from _overrides(scenario)
     yield from _disagreements(scenario)
 
@@ -142,6 +155,20 @@ def _steered(scenario: Scenario) -> Iterator[Problem]:
         if step.steer and step.steer not in known:
             remedy = f'{suggestion(step.steer, known)}steer one of {", ".join(known)}'
             yield Problem(('operator', k, 'steer'), f"is '{step.steer}', which isn't there", remedy)
+
+
+def _wired(scenario: Scenario) -> Iterator[Problem]:
+    """Find what can't be of robots at the other end of a wire, or only of them."""
+    if scenario.plant in HARDWARE and scenario.time != REAL_TIME:
+        yield Problem(('time',), f'is {scenario.time}', f'say {REAL_TIME}: robots wait for nobody')
+    if scenario.plant != EMULATED_A1 and scenario.pace != 1.0 and scenario.plant not in HARDWARE:
+        yield Problem(('pace',), f'is {scenario.pace:g}', f'leave it out, or plant: {EMULATED_A1}')
+    names = [robot.name for robot in scenario.robots]
+    for k, press in enumerate(scenario.emulation.remote):
+        if press.robot not in names:
+            remedy = f'{suggestion(press.robot, names)}the robots are {", ".join(names)}'
+            path = ('emulation', 'remote', k, 'robot')
+            yield Problem(path, f"is '{press.robot}', which isn't there", remedy)
 
 
 def _overrides(scenario: Scenario) -> Iterator[Problem]:

@@ -14,14 +14,15 @@ from typing import Any
 from layered_cbf_ros.errors import ScenarioError
 from layered_cbf_ros.patterns import Pattern
 from layered_cbf_ros.resources import find_folder
-from layered_cbf_ros.scenario import LEGGED, Desired, Scenario, World
+from layered_cbf_ros.scenario import HARDWARE, LEGGED, Desired, Scenario, World
 from layered_cbf_ros.scenario_checks import problems
+from layered_cbf_ros.scenario_emulation import Emulation, read_emulation
+from layered_cbf_ros.scenario_motion import PATTERNS
 from layered_cbf_ros.scenario_operator import pad_step_form, read_operator
 from layered_cbf_ros.scenario_parts import (
     DEFAULT_RATES,
-    PATTERNS,
     PLANTS,
-    TIMES,
+    STATES,
     list_of,
     read_obstacle,
     read_parameters,
@@ -31,6 +32,7 @@ from layered_cbf_ros.scenario_parts import (
     read_wall,
     read_world,
 )
+from layered_cbf_ros.timing import LOCKSTEP, REAL_TIME
 from layered_cbf_ros.yaml_entry import read_document, suggestion
 
 
@@ -69,6 +71,8 @@ def to_json(scenario: Scenario) -> str:
             del entry['payload']
         if robot.radius is None:
             del entry['radius']
+        if scenario.plant not in HARDWARE:
+            del entry['address']
     for obstacle, entry in zip(scenario.obstacles, form['obstacles'], strict=True):
         entry['motion'] = _pattern_form(obstacle.motion)
     form['operator'] = [pad_step_form(step) for step in scenario.operator]
@@ -111,18 +115,19 @@ def _parse(text: str, source: str, name: str) -> Scenario:
     entries = root.mapping(
         ('description', 'duration', 'robots'),
         (
-            *('name', 'seed', 'time', 'plant', 'goal_tolerance'),
+            *('name', 'seed', 'time', 'plant', 'states', 'pace', 'goal_tolerance', 'emulation'),
             *('obstacles', 'walls', 'world', 'rates', 'parameters', 'operator'),
         ),
     )
     settings: dict[str, Any] = {
         'seed': 0,
-        'time': TIMES[0],
         'plant': PLANTS[0],
         'goal_tolerance': 0.2,
         **read_run_settings(entries),
     }
     plant = settings['plant']
+    settings.setdefault('time', REAL_TIME if plant in HARDWARE else LOCKSTEP)
+    states = entries['states'].word(STATES[plant]) if 'states' in entries else STATES[plant][0]
     scenario = Scenario(
         name=entries['name'].text() if 'name' in entries else name,
         description=entries['description'].text(),
@@ -133,6 +138,8 @@ def _parse(text: str, source: str, name: str) -> Scenario:
         rates=(read_rates(entries['rates'], plant) if 'rates' in entries else DEFAULT_RATES[plant]),
         parameters=read_parameters(entries['parameters']) if 'parameters' in entries else {},
         operator=read_operator(list_of(entries, 'operator')),
+        states=states,
+        emulation=(read_emulation(entries['emulation']) if 'emulation' in entries else Emulation()),
         **settings,
     )
     if not scenario.robots:

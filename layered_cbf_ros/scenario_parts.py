@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import ipaddress
 import math
 from typing import Any
 
-from layered_cbf_ros.patterns import Circle, Line, Pattern, Standing, Waypoints
 from layered_cbf_ros.scenario import (
+    A1,
     BASES,
     BULLET,
+    EMULATED_A1,
+    ESTIMATOR,
     LEGGED,
     OMNI,
+    TRUTH,
     UNICYCLE,
     Desired,
     Detections,
@@ -18,30 +22,44 @@ from layered_cbf_ros.scenario import (
     Push,
     Rates,
     Robot,
-    VelocityStep,
     Wall,
     World,
 )
+from layered_cbf_ros.scenario_motion import PATTERNS, optional_number, read_desired, read_pattern
 from layered_cbf_ros.timing import LOCKSTEP, REAL_TIME
 from layered_cbf_ros.yaml_entry import Entry
 
 TIMES = (LOCKSTEP, REAL_TIME)
-PLANTS = (BULLET, BASES)
-KINDS = {BULLET: (LEGGED,), BASES: (OMNI, UNICYCLE)}
+PLANTS = (BULLET, BASES, A1, EMULATED_A1)
+STATES = {
+    BULLET: (TRUTH, ESTIMATOR),
+    BASES: (TRUTH,),
+    A1: (ESTIMATOR,),
+    EMULATED_A1: (ESTIMATOR, TRUTH),
+}
+"""What may feed the layers, of each plant; the usual comes first."""
+KINDS = {BULLET: (LEGGED,), BASES: (OMNI, UNICYCLE), A1: (LEGGED,), EMULATED_A1: (LEGGED,)}
+OWN = {
+    BULLET: ('payload',),
+    BASES: ('radius',),
+    A1: ('address', 'payload'),
+    EMULATED_A1: ('address', 'payload'),
+}
+"""Fields of a robot that not every plant has."""
 GAITS = ('trot', 'stand')
 STATE_RATES = {  # whole steps of the simulator's 1 ms
     BULLET: (1000, 500, 250),
     BASES: (1000, 500, 250, 200, 100),
+    A1: (1000, 500, 250),
+    EMULATED_A1: (1000, 500, 250),
 }
-DEFAULT_RATES = {BULLET: Rates(), BASES: Rates(100, 100, 100)}
-FRAMES = ('body', 'world')
+DEFAULT_RATES = {
+    BULLET: Rates(),
+    BASES: Rates(100, 100, 100),
+    A1: Rates(),
+    EMULATED_A1: Rates(),
+}
 MAX_SEED = 2**32 - 1
-PATTERNS: dict[str, type] = {
-    'standing': Standing,
-    'circle': Circle,
-    'line': Line,
-    'waypoints': Waypoints,
-}
 
 
 def read_run_settings(entries: dict[str, Entry]) -> dict[str, Any]:
@@ -55,6 +73,8 @@ def read_run_settings(entries: dict[str, Entry]) -> dict[str, Any]:
         settings['time'] = entries['time'].word(TIMES)
     if 'plant' in entries:
         settings['plant'] = entries['plant'].word(PLANTS)
+    if 'pace' in entries:
+        settings['pace'] = entries['pace'].number(0.01, 1.0)
     if 'goal_tolerance' in entries:
         settings['goal_tolerance'] = entries['goal_tolerance'].positive('[m]')
     return settings
@@ -62,91 +82,36 @@ def read_run_settings(entries: dict[str, Entry]) -> dict[str, Any]:
 
 def read_robot(entry: Entry, plant: str) -> Robot:
     """Read one agent of a plant."""
-    own = ('payload',) if plant == BULLET else ('radius',)
-    entries = entry.mapping(('name', 'position'), ('yaw', 'gait', 'desired', 'kind', *own))
+    entries = entry.mapping(('name', 'position'), ('yaw', 'gait', 'desired', 'kind', *OWN[plant]))
     gait = entries['gait'].word(GAITS) if 'gait' in entries else 'trot'
-    desired = _desired(entries['desired']) if 'desired' in entries else Desired()
+    desired = read_desired(entries['desired']) if 'desired' in entries else Desired()
     if gait == 'stand' and desired != Desired():
         entries['gait'].refuse("say 'trot', or give this robot nothing desired")
     return Robot(
         name=entries['name'].ros_name(),
         position=entries['position'].point(),
-        yaw=_number(entries, 'yaw', 0.0, -math.tau, math.tau, '[rad]'),
+        yaw=optional_number(entries, 'yaw', 0.0, -math.tau, math.tau, '[rad]'),
         gait=gait,
         desired=desired,
-        payload=_number(entries, 'payload', 0.0, -4.0, 20.0, '[kg]'),
+        payload=optional_number(entries, 'payload', 0.0, -4.0, 20.0, '[kg]'),
         kind=entries['kind'].word(KINDS[plant]) if 'kind' in entries else KINDS[plant][0],
         radius=entries['radius'].number(0.05, 2.0, '[m]') if 'radius' in entries else None,
+        address=_address(entries['address']) if 'address' in entries else '',
     )
 
 
-def _desired(entry: Entry) -> Desired:
-    kinds = ('goal', 'velocity', *PATTERNS)
-    entries = entry.mapping((), (*kinds, 'frame'))
-    given = [kind for kind in kinds if kind in entries]
-    if len(given) > 1:
-        entries[given[1]].refuse('give only one thing desired', f'stands beside {given[0]}')
-    if 'frame' in entries and given != ['velocity']:
-        entries['frame'].refuse('give it only beside a velocity')
-    if not given:
-        return Desired()
-    if given == ['goal']:
-        return Desired(goal=entries['goal'].point())
-    if given == ['velocity']:
-        frame = entries['frame'].word(FRAMES) if 'frame' in entries else 'body'
-        return Desired(velocity=_script(entries['velocity']), frame=frame)
-    return Desired(pattern=_pattern(given[0], entries[given[0]]))
-
-
-def _script(entry: Entry) -> tuple[VelocityStep, ...]:
-    steps: list[VelocityStep] = []
-    for step in entry.entries():
-        entries = step.mapping(('at',), ('x', 'y', 'yaw_rate'))
-        at = entries['at'].number(0.0, unit='[s]')
-        if steps and at <= steps[-1].at:
-            entries['at'].refuse(f'give a time after {steps[-1].at:g} s, that of the step before')
-        steps.append(
-            VelocityStep(
-                at,
-                _number(entries, 'x', 0.0, -3.0, 3.0, '[m/s]'),
-                _number(entries, 'y', 0.0, -3.0, 3.0, '[m/s]'),
-                _number(entries, 'yaw_rate', 0.0, -5.0, 5.0, '[rad/s]'),
-            )
-        )
-    if not steps:
-        entry.refuse('give at least one step')
-    return tuple(steps)
-
-
-def _pattern(kind: str, entry: Entry) -> Pattern:
-    if kind == 'standing':
-        return Standing(entry.mapping(('position',))['position'].point())
-    if kind == 'circle':
-        entries = entry.mapping(('centre', 'radius', 'speed'), ('phase',))
-        return Circle(
-            entries['centre'].point(),
-            entries['radius'].positive('[m]'),
-            entries['speed'].number(unit='[m/s]'),
-            _number(entries, 'phase', 0.0, -math.tau, math.tau, '[rad]'),
-        )
-    if kind == 'line':
-        entries = entry.mapping(('start', 'end', 'speed'), ('phase', 'acceleration'))
-        start, end = entries['start'].point(), entries['end'].point()
-        if start == end:
-            entries['end'].refuse('give another point than the start')
-        speed = entries['speed'].number(0.0, unit='[m/s]')
-        return Line(
-            start,
-            end,
-            speed,
-            _number(entries, 'phase', 0.0, 0.0, 1.0, 'of a cycle'),
-            _number(entries, 'acceleration', Line.acceleration, 0.01, math.inf, '[m/s^2]'),
-        )
-    entries = entry.mapping(('points', 'speed'))
-    points = tuple(point.point() for point in entries['points'].entries())
-    if len(points) < 2:
-        entries['points'].refuse('give at least two points')
-    return Waypoints(points, entries['speed'].number(0.0, unit='[m/s]'))
+def _address(entry: Entry) -> str:
+    """Read `IP:port`."""
+    text = entry.text()
+    host, _, port = text.rpartition(':')
+    try:
+        ipaddress.IPv4Address(host)
+        in_range = 0 < int(port) < 65536
+    except ValueError:
+        in_range = False
+    if text and not in_range:
+        entry.refuse('give an IP address and a port, as 192.168.123.10:8007')
+    return text
 
 
 def read_obstacle(entry: Entry) -> Obstacle:
@@ -157,7 +122,7 @@ def read_obstacle(entry: Entry) -> Obstacle:
         name=entries['name'].ros_name(),
         radius=entries['radius'].positive('[m]'),
         height=entries['height'].positive('[m]') if 'height' in entries else 0.8,
-        motion=_pattern(kind, motion),
+        motion=read_pattern(kind, motion),
     )
 
 
@@ -177,8 +142,8 @@ def read_world(entry: Entry) -> World:
     """Read the world."""
     entries = entry.mapping((), ('friction', 'torque_delay', 'pushes', 'detections'))
     return World(
-        friction=_number(entries, 'friction', 0.8, 0.0, 2.0),
-        torque_delay=_number(entries, 'torque_delay', 0.0, 0.0, 0.1, '[s]'),
+        friction=optional_number(entries, 'friction', 0.8, 0.0, 2.0),
+        torque_delay=optional_number(entries, 'torque_delay', 0.0, 0.0, 0.1, '[s]'),
         pushes=tuple(_push(push) for push in list_of(entries, 'pushes')),
         detections=_detections(entries['detections']) if 'detections' in entries else Detections(),
     )
@@ -198,9 +163,9 @@ def _push(entry: Entry) -> Push:
 def _detections(entry: Entry) -> Detections:
     entries = entry.mapping((), ('noise', 'delay', 'dropout'))
     return Detections(
-        noise=_number(entries, 'noise', 0.0, 0.0, 1.0, '[m]'),
-        delay=_number(entries, 'delay', 0.0, 0.0, 1.0, '[s]'),
-        dropout=_number(entries, 'dropout', 0.0, 0.0, 1.0),
+        noise=optional_number(entries, 'noise', 0.0, 0.0, 1.0, '[m]'),
+        delay=optional_number(entries, 'delay', 0.0, 0.0, 1.0, '[s]'),
+        dropout=optional_number(entries, 'dropout', 0.0, 0.0, 1.0),
     )
 
 
@@ -229,18 +194,6 @@ def read_parameters(entry: Entry) -> dict[str, dict[str, Any]]:
         node: {name: value.value() for name, value in values.open_mapping().items()}
         for node, values in entry.open_mapping().items()
     }
-
-
-def _number(
-    entries: dict[str, Entry],
-    key: str,
-    default: float,
-    minimum: float,
-    maximum: float,
-    unit: str = '',
-) -> float:
-    """Return the number of an optional key."""
-    return entries[key].number(minimum, maximum, unit) if key in entries else default
 
 
 def list_of(entries: dict[str, Entry], key: str) -> list[Entry]:

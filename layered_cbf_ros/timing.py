@@ -19,7 +19,7 @@ from layered_cbf_ros.errors import MessageError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.parameters import parameter
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import EMULATED_A1, Scenario
 
 LOCKSTEP, REAL_TIME = 'lockstep', 'real_time'
 SCRIPT_NS = 20_000_000
@@ -45,6 +45,12 @@ class TimingParameters:
     )
     patience: float = parameter(
         5.0, 'wall time to wait for an input in lockstep before giving up', 's', 0.1, 600.0
+    )
+    pace: float = parameter(
+        1.0, "run's time that passes in a second, of emulated robots in real time", '', 0.01, 1.0
+    )
+    epoch_ns: int = parameter(
+        0, "wall time at which the run's time is 0; 0: the run's time is wall time", 'ns', 0, 2**62
     )
 
     @property
@@ -76,6 +82,7 @@ def timing_values(scenario: Scenario) -> dict[str, Any]:
         'plan_rate': scenario.rates.plan,
         'detection_rate': scenario.rates.detections,
         'detection_delay': scenario.world.detections.delay,
+        'pace': scenario.pace if scenario.plant == EMULATED_A1 else 1.0,
     }
 
 
