@@ -6,6 +6,8 @@ from setuptools import find_packages, setup
 
 NAME = 'layered_cbf_ros'
 EXECUTABLES = (
+    'a1_driver',
+    'a1_emulator',
     'audit',
     'coordinator',
     'ground_force_mpc',
@@ -15,6 +17,7 @@ EXECUTABLES = (
     'recorder',
     'replay',
     'simulator',
+    'state_estimator',
     'supervisor',
     'teleop',
     'viewer',
@@ -66,7 +69,7 @@ setup(
         'video': ['imageio-ffmpeg'],
         'test': [
             *('aiohttp', 'imageio-ffmpeg', 'mcap-ros2-support', 'mypy', 'playwright'),
-            *('pyarrow', 'pytest', 'ruff', 'viser'),
+            *('pyarrow', 'pytest', 'pytest-xdist', 'ruff', 'viser'),
         ],
     },
     data_files=[

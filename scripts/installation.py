@@ -21,7 +21,7 @@ PYBULLET_WHEELS = VERSIONS[:2]
 BESIDE_JAZZY = (
     *('lz4', 'matplotlib', 'mcap', 'pillow', 'pybullet', 'pyyaml', 'rosbags', 'zstandard'),
     *('aiohttp', 'imageio-ffmpeg', 'mcap-ros2-support', 'mypy', 'playwright'),
-    *('pyarrow', 'pytest', 'ruff', 'viser'),
+    *('pyarrow', 'pytest', 'pytest-xdist', 'ruff', 'viser'),
 )
 PROBE = """
 import importlib.util, os, sys, sysconfig
