@@ -21,6 +21,7 @@ from layered_cbf_ros.ground_forces.single_rigid_body import AffineModel
 from layered_cbf_ros.interfaces import Array
 
 INFINITE = 1e20  # proxsuite's own convention for "no bound"
+ROUND_OFF = 1e-13  # of a sum, relative to its terms: no residual gets smaller
 NEVER_INFEASIBLE = 1e-14  # looser values declared feasible problems infeasible
 FEET = 4
 
@@ -147,9 +148,9 @@ class CondensedQp:
             n, 0, 5 * feet, dense_backend=proxqp.dense.DenseBackend.PrimalDualLDLT
         )
         settings, tolerance = solver.settings, self._parameters.solver_tolerance
-        settings.eps_abs, settings.eps_rel = tolerance, 0.0
+        settings.eps_abs, settings.eps_rel = tolerance, ROUND_OFF
         settings.check_duality_gap = True
-        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = tolerance, 0.0
+        settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = tolerance, ROUND_OFF
         settings.eps_primal_inf = settings.eps_dual_inf = NEVER_INFEASIBLE
         settings.max_iter = self._parameters.solver_iterations
         settings.max_iter_in = self._parameters.solver_inner_iterations

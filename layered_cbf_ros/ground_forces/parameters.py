@@ -39,9 +39,9 @@ class GroundForceParameters:
     force_weight: float = parameter(0.01, 'weight R of each force component', '1/N^2', 1e-6, 1e6)
     friction: float = parameter(0.6, 'friction coefficient the forces may use', '', 0.05, 1.5)
     max_normal_force: float = parameter(250.0, 'largest normal force of a foot', 'N', 10.0, 1000.0)
-    force_resolution: float = parameter(1e-3, 'forces are rounded to this', 'N', 1e-9, 1.0)
+    force_resolution: float = parameter(1e-2, 'forces are rounded to this', 'N', 1e-9, 1.0)
     solver_tolerance: float = parameter(
-        1e-6, 'absolute residual and duality gap of a solution', '', 1e-12, 1e-2
+        1e-8, 'absolute residual and duality gap of a solution', '', 1e-12, 1e-2
     )
     solver_iterations: int = parameter(50, 'most outer iterations of a solve', '', 1, 10000)
     solver_inner_iterations: int = parameter(
