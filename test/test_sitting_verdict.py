@@ -80,6 +80,28 @@ def test_only_the_robot_that_is_told_may_lie(record):
     assert fall.robot == 'a1_1'
 
 
+def wired(record):
+    """Let it be a run of robots that lie until their drivers stand them up."""
+    scenario = dataclasses.replace(record.scenario, plant='emulated_a1', time='real_time')
+    return dataclasses.replace(record, scenario=scenario)
+
+
+def test_a_robot_with_a_driver_may_lie_until_it_stands_and_no_longer(record):
+    assert judge_record(wired(lying(record, 0.0, 0.5))).falls == 0
+    (fall,) = judge_record(wired(lying(record, 1.0, 1.2))).fall_events
+    assert fall.time_s == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_robot_without_a_driver_stands_from_the_first(record):
+    (fall,) = judge_record(lying(record, 0.0, 0.5)).fall_events
+    assert fall.time_s == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_robot_that_never_stands_up_has_failed(record):
+    (fall,) = judge_record(wired(lying(record, 0.0, 99.0))).fall_events
+    assert fall.reason == 'it never stood up'
+
+
 def test_who_tips_over_while_sitting_has_fallen(record):
     record = lying(told_to_sit(record), 0.5, 1.1)
     motion = record.motions['a1_0']

@@ -105,6 +105,57 @@ def test_without_obstacles_nobody_tracks_and_without_bag_nobody_records():
     assert RECORDER not in names
 
 
+WIRED = replace(SCENARIO, time='real_time', plant='emulated_a1', states='estimator', pace=0.5)
+
+
+@pytest.mark.parametrize(
+    ('scenario', 'nodes', 'plant'),
+    [
+        (WIRED, ('a1_driver', 'state_estimator'), '/a1_emulator'),
+        (replace(WIRED, states='truth'), ('a1_driver',), '/a1_emulator'),
+        (replace(WIRED, plant='a1'), ('a1_driver', 'state_estimator'), None),
+        (replace(SCENARIO, states='estimator'), ('state_estimator',), SIM),
+    ],
+)
+def test_one_word_puts_drivers_and_estimators_between_the_layers_and_their_plant(
+    scenario, nodes, plant
+):
+    plan = process_plan(scenario, Path('p'), True)
+    usual = {spec.name for spec in process_plan(SCENARIO, Path('p'), True)} - {SIM}
+    added = {f'/{robot.name}/{node}' for robot in scenario.robots for node in nodes}
+    assert {spec.name for spec in plan} == usual | added | ({plant} - {None})
+    assert [spec.name for spec in plan if spec.keeps_time] == ([plant] if plant else [])
+
+
+def test_each_driver_finds_its_own_robot_and_arms_only_an_emulated_one():
+    defaults = read_defaults(find_folder('params'))
+    values = run_parameters(WIRED, defaults, Path('s'), None, epoch_ns=123)
+    first, second = (values[f'/{robot.name}/a1_driver'] for robot in WIRED.robots)
+    assert (first['address'], first['port']) == ('127.0.0.1', 8007)
+    assert second['port'] == first['port'] + 1
+    assert second['local_port'] == first['local_port'] + 1
+    assert first['arm_at_start']
+    assert (first['epoch_ns'], first['pace']) == (123, 0.5)
+    robots = (replace(WIRED.robots[0], address='10.0.0.7:8008'), *WIRED.robots[1:])
+    real = replace(WIRED, plant='a1', robots=robots)
+    values = run_parameters(real, defaults, Path('s'), None, epoch_ns=123)
+    first, second = (values[f'/{robot.name}/a1_driver'] for robot in WIRED.robots)
+    assert (first['address'], first['port']) == ('10.0.0.7', 8008)
+    assert (second['address'], second['port']) == ('192.168.123.10', 8007)
+    assert not first['arm_at_start']
+    assert (first['epoch_ns'], first['pace']) == (0, 1.0)  # real robots live in wall time
+
+
+def test_layers_that_are_fed_by_an_estimator_hear_it_and_it_knows_where_they_begin():
+    values = run_parameters(WIRED, {}, Path('s'), None)
+    robot = WIRED.robots[0]
+    for node in ('ground_force_mpc', 'whole_body_controller'):
+        assert values[f'/{robot.name}/{node}']['state_topic'] == f'/{robot.name}/state'
+    estimator = values[f'/{robot.name}/state_estimator']
+    assert (estimator['start_x'], estimator['start_y']) == robot.position
+    assert not estimator['standing_at_start']  # real robots lie
+
+
 def test_scenario_goes_before_defaults_and_the_run_before_both():
     scenario = replace(SCENARIO, parameters={'coordinator': {'alpha1': 2, 'time': 'real_time'}})
     defaults = {'coordinator': {'alpha1': 0.5, 'alpha2': 0.25}}

@@ -29,10 +29,11 @@ from layered_cbf_ros.nodes.running import run_node
 from layered_cbf_ros.nodes.scenario_node import ScenarioNode
 from layered_cbf_ros.nodes.team_states import LeggedStates, TeamStates
 from layered_cbf_ros.nodes.track_input import TrackInput
+from layered_cbf_ros.nodes.wired_states import WiredStates
 from layered_cbf_ros.operation.orders import Orders
 from layered_cbf_ros.operation.parameters import JoystickParameters
 from layered_cbf_ros.operation.told import told, told_names
-from layered_cbf_ros.scenario import BASES
+from layered_cbf_ros.scenario import BASES, ESTIMATOR
 
 TELLING_RATE = 50  # messages a second that tell of the ticks; each tells several
 
@@ -55,9 +56,11 @@ class CoordinatorNode(ScenarioNode):
         fleet = declare(self, FleetParameters)
         has_legs = scenario.plant != BASES
         self._states: TeamStates = (
-            LeggedStates(self, self._names)
-            if has_legs
-            else FleetStates(self, scenario, fleet, parameters)
+            FleetStates(self, scenario, fleet, parameters)
+            if not has_legs
+            else WiredStates(self, self._names)
+            if scenario.states == ESTIMATOR
+            else LeggedStates(self, self._names)
         )
         self._tracks = TrackInput(self, scenario) if scenario.obstacles else None
         self._plan = self.writer(MultiDOFJointTrajectory, PLAN, 2 * len(self._names) * has_legs)

@@ -16,7 +16,7 @@ from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.node_topics import DIAGNOSTICS
 from layered_cbf_ros.nodes.diagnostics import DiagnosticsPublisher, report_of
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
-from layered_cbf_ros.supervision.process_plan import PLANT
+from layered_cbf_ros.supervision.process_plan import PLANTS
 from layered_cbf_ros.supervision.status import Heard, is_told_of, silent_nodes
 from layered_cbf_ros.supervision.supervisor import News
 
@@ -68,7 +68,6 @@ class GraphNews(Node):
                 self._simulated = stamp_of(data) / NS_PER_S
             self._stepped = now
         silent = silent_nodes(self._names, self.heard, now)
-        plant = self.heard.get(PLANT)
-        told = plant is not None and plant.report.values.get('paused') == 'true'
-        self._paused = told and PLANT not in silent
+        plants = [self.heard[name] for name in PLANTS if name in self.heard and name not in silent]
+        self._paused = any(plant.report.values.get('paused') == 'true' for plant in plants)
         return News(frozenset(self._ready), self._simulated, tuple(silent), self._paused)

@@ -163,7 +163,7 @@ class GraphNode(Node):
 
     def _newest(self, reader: Reader, every_ns: int) -> Iterator[bytes]:
         guard, last_ns = StampGuard(), None
-        self.statistics.period_ns = every_ns
+        self.statistics.period_ns = round(every_ns / self.timing.pace)
         while True:
             self.serve()
             data = reader.take()

@@ -180,7 +180,7 @@ def supervise(options: Options) -> int:
     lock = DomainLock(domain)
     shared_memory.remove(lock.leftovers)
     date = time.strftime('%Y%m%d_%H%M%S')
-    folder = make_run_folder(scenario, date, options.output, options.record)
+    folder = make_run_folder(scenario, date, options.output, options.record, time.time_ns())
     printer = Printer(sys.stdout, sys.stdout.isatty())
     printer.say(f'{scenario.name}: {scenario.description}\nrun in {folder.path}')
     plan = process_plan(scenario, folder.parameters, options.record)

@@ -7,17 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from layered_cbf_ros.node_topics import PER_ROBOT
-from layered_cbf_ros.scenario import BASES, Scenario
+from layered_cbf_ros.scenario import A1, BASES, EMULATED_A1, ESTIMATOR, HARDWARE, Scenario
 from layered_cbf_ros.timing import REAL_TIME
 
-PLANT = '/simulator'
+SIMULATOR, EMULATOR = '/simulator', '/a1_emulator'
+PLANTS = (SIMULATOR, EMULATOR)
 RECORDER = '/recorder'
 COORDINATOR = '/coordinator'
 VIEWER = '/viewer'
 WHOLE_BODY = 'whole_body_controller'
+DRIVER, STATE_ESTIMATOR = 'a1_driver', 'state_estimator'
+OF_ONE_ROBOT = (DRIVER, STATE_ESTIMATOR, WHOLE_BODY)
+"""Who only its own robot depends on: without it that robot is damped, the others go on."""
 EXIT_REFUSED = 2  # of a program that could not work with what it was told
 # A robot whose controller died lies damped: a new one would make it jump up.
-ONCE = (PLANT.strip('/'), RECORDER.strip('/'), WHOLE_BODY)
+ONCE = (*(name.strip('/') for name in (*PLANTS, RECORDER)), *OF_ONE_ROBOT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,7 @@ class ProcessSpec:
         ends_run: Whether its death, if it isn't started again, ends the run.
         ends_last: Whether it is ended after all others, so that it hears them end.
         needed: Whether the run waits for it to begin.
+        keeps_time: Whether the run is over when it ends in order.
     """
 
     name: str
@@ -42,6 +47,7 @@ class ProcessSpec:
     ends_run: bool = True
     ends_last: bool = False
     needed: bool = True
+    keeps_time: bool = False
 
     def restarts_after(self, code: int) -> bool:
         """Tell whether it is started again after it ended with an exit code.
@@ -56,26 +62,42 @@ class ProcessSpec:
         return self.name.strip('/').replace('/', '.') + '.log'
 
 
+def plant_of(scenario: Scenario) -> str | None:
+    """Return the node that simulates the world of a scenario; None if the world is real."""
+    plants = {A1: None, EMULATED_A1: EMULATOR}
+    return plants.get(scenario.plant, SIMULATOR)
+
+
+def robot_nodes(scenario: Scenario) -> tuple[str, ...]:
+    """Return which nodes each robot of a scenario has."""
+    if scenario.plant == BASES:
+        return ()
+    driver = (DRIVER,) if scenario.plant in HARDWARE else ()
+    estimator = (STATE_ESTIMATOR,) if scenario.states == ESTIMATOR else ()
+    return (*driver, *estimator, *PER_ROBOT)
+
+
 def node_names(scenario: Scenario, record: bool) -> tuple[str, ...]:
     """Return the full names of all nodes of a run; those that listen come first."""
     names = [RECORDER] if record else []
     names.append(COORDINATOR)
     if scenario.obstacles:
         names.append('/obstacle_tracker')
-    if scenario.plant != BASES:
-        names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
-    return (*names, PLANT)
+    nodes, plant = robot_nodes(scenario), plant_of(scenario)
+    names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in nodes]
+    return (*names, plant) if plant is not None else tuple(names)
 
 
 def process_plan(scenario: Scenario, parameter_file: Path, record: bool) -> tuple[ProcessSpec, ...]:
     """Return the processes of a run, in the order in which they are started."""
+    real_time, plant = scenario.time == REAL_TIME, plant_of(scenario)
     return tuple(
-        _process(name, parameter_file, scenario.time == REAL_TIME)
+        _process(name, parameter_file, real_time, name == plant)
         for name in node_names(scenario, record)
     )
 
 
-def _process(name: str, parameter_file: Path, real_time: bool) -> ProcessSpec:
+def _process(name: str, parameter_file: Path, real_time: bool, keeps_time: bool) -> ProcessSpec:
     namespace, _, node = name.rpartition('/')
     arguments = ['--ros-args', '--params-file', str(parameter_file)]
     if namespace:
@@ -85,8 +107,9 @@ def _process(name: str, parameter_file: Path, real_time: bool) -> ProcessSpec:
         executable=node,
         arguments=tuple(arguments),
         restarts=real_time and node not in ONCE,
-        ends_run=not real_time or node != WHOLE_BODY,
+        ends_run=not real_time or node not in OF_ONE_ROBOT,
         ends_last=name == RECORDER,
+        keeps_time=keeps_time,
     )
 
 

@@ -59,7 +59,7 @@ class RunFolder:
 
 
 def make_run_folder(
-    scenario: Scenario, time_text: str, output: Path | None, record: bool
+    scenario: Scenario, time_text: str, output: Path | None, record: bool, epoch_ns: int = 0
 ) -> RunFolder:
     """Make the folder of a run, and write what its nodes read.
 
@@ -68,6 +68,7 @@ def make_run_folder(
         time_text: Date and time, for the folder's name.
         output: The folder; by default a new one below `runs/`.
         record: Whether there will be a bag.
+        epoch_ns: Wall time at which the time of emulated robots is 0 [ns].
 
     Raises:
         LayeredCbfError: If the folder has content already or can't be made.
@@ -82,7 +83,7 @@ def make_run_folder(
         defaults = read_defaults(find_folder('params'))
         folder.scenario.write_text(to_json(explicit(scenario, defaults)), encoding='utf-8')
         bag = folder.bag if record else None
-        values = run_parameters(scenario, defaults, folder.scenario, bag)
+        values = run_parameters(scenario, defaults, folder.scenario, bag, epoch_ns)
         folder.parameters.write_text(parameter_file(values), encoding='utf-8')
     except OSError as error:
         raise LayeredCbfError(f'{path} can not be written: {error.strerror}') from None

@@ -11,11 +11,18 @@ import yaml
 
 from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
-from layered_cbf_ros.node_topics import odometry
+from layered_cbf_ros.node_topics import PER_ROBOT, odometry, robot_state
 from layered_cbf_ros.parameters import from_mapping, parameters_of, read_parameter_file, values_of
-from layered_cbf_ros.scenario import BASES, Scenario
+from layered_cbf_ros.scenario import A1, BASES, EMULATED_A1, ESTIMATOR, HARDWARE, Robot, Scenario
 from layered_cbf_ros.scenario_checks import SETTLED, problems
-from layered_cbf_ros.supervision.process_plan import COORDINATOR, PLANT, RECORDER, node_names
+from layered_cbf_ros.supervision.process_plan import (
+    COORDINATOR,
+    DRIVER,
+    RECORDER,
+    STATE_ESTIMATOR,
+    node_names,
+    plant_of,
+)
 from layered_cbf_ros.timing import REAL_TIME, timing_values
 from layered_cbf_ros.yaml_entry import suggestion
 
@@ -84,6 +91,7 @@ def run_parameters(
     defaults: Mapping[str, Mapping[str, Any]],
     scenario_file: Path,
     bag: Path | None,
+    epoch_ns: int = 0,
 ) -> dict[str, Values]:
     """Return the parameters of every node of a run, by its full name.
 
@@ -95,6 +103,7 @@ def run_parameters(
         defaults: Values by node, as `read_defaults` returns them.
         scenario_file: Where the scenario is written for the nodes.
         bag: Folder of the bag, None if nothing is recorded.
+        epoch_ns: Wall time at which the time of emulated robots is 0 [ns].
 
     Raises:
         ParameterError: If a name is unknown or a value out of its range.
@@ -104,6 +113,7 @@ def run_parameters(
         **timing_values(scenario),
         'recorded': bag is not None,
         'scenario': str(scenario_file),
+        'epoch_ns': epoch_ns if scenario.plant == EMULATED_A1 else 0,
     }
     parameters = {}
     for name in names:
@@ -111,15 +121,45 @@ def run_parameters(
         parameters[name] = {**_complete(node, _given(node, scenario, defaults)), **common}
     if scenario.plant == BASES:
         parameters[COORDINATOR]['use_sim_time'] = scenario.time == REAL_TIME
-    else:
-        for robot in scenario.robots:
-            parameters[f'/{robot.name}/ground_force_mpc']['gait'] = robot.gait
-    parameters[PLANT]['wait_for'] = [name for name in names if name != PLANT]
+    for k, robot in enumerate(() if scenario.plant == BASES else scenario.robots):
+        _settle_robot(parameters, scenario, robot, k)
+    plant = plant_of(scenario)
+    if plant is not None:
+        parameters[plant]['wait_for'] = [name for name in names if name != plant]
     if bag is not None:
         parameters[RECORDER]['output'] = str(bag)
+        last = scenario.robots[-1].name
         if scenario.plant == BASES:  # there is no state of all robots: the last one's counts
-            parameters[RECORDER]['state_topic'] = odometry(scenario.robots[-1].name)
+            parameters[RECORDER]['state_topic'] = odometry(last)
+        elif scenario.plant == A1:
+            parameters[RECORDER]['state_topic'] = robot_state(last)
     return parameters
+
+
+def _settle_robot(
+    parameters: dict[str, Values], scenario: Scenario, robot: Robot, number: int
+) -> None:
+    """Set what follows from the scenario for the nodes of one robot."""
+    parameters[f'/{robot.name}/ground_force_mpc']['gait'] = robot.gait
+    if scenario.states == ESTIMATOR:
+        for node in PER_ROBOT:
+            parameters[f'/{robot.name}/{node}']['state_topic'] = robot_state(robot.name)
+        start = dict(zip(('start_x', 'start_y'), robot.position, strict=True))
+        parameters[f'/{robot.name}/{STATE_ESTIMATOR}'] |= {
+            **start,
+            'start_yaw': robot.yaw,
+            'standing_at_start': scenario.plant not in HARDWARE,
+        }
+    if scenario.plant not in HARDWARE:
+        return
+    driver = parameters[f'/{robot.name}/{DRIVER}']
+    if scenario.plant == EMULATED_A1:  # nobody can be hurt: nobody needs to be asked
+        emulated = scenario.emulation
+        driver |= {'address': emulated.address, 'port': emulated.port + number}
+        driver |= {'local_port': driver['local_port'] + number, 'arm_at_start': True}
+    elif robot.address:
+        address, _, port = robot.address.rpartition(':')
+        driver |= {'address': address, 'port': int(port)}
 
 
 def parameter_file(parameters: Mapping[str, Values]) -> str:

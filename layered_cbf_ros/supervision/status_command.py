@@ -8,7 +8,7 @@ from typing import Any
 
 from layered_cbf_ros.bags.command_line import OneLineParser
 from layered_cbf_ros.health import Level, Report, worst
-from layered_cbf_ros.supervision.process_plan import PLANT
+from layered_cbf_ros.supervision.process_plan import PLANTS
 from layered_cbf_ros.supervision.status import STALE_AFTER, SUPERVISOR, Heard
 
 WORD = 'status'
@@ -101,7 +101,8 @@ def aged(heard: Mapping[str, Heard], unheard: Sequence[str], now: float) -> list
 def summary_of(reports: Sequence[Report]) -> Summary:
     """Gather what single nodes tell of the whole run."""
     told = {report.name: report.values for report in reports}
-    supervisor, plant = told.get(SUPERVISOR, {}), told.get(PLANT, {})
+    supervisor = told.get(SUPERVISOR, {})
+    plant = next((told[name] for name in PLANTS if name in told), {})
     return Summary(
         scenario=supervisor.get('scenario', ''),
         phase=supervisor.get('phase', ''),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from layered_cbf_ros.errors import EXIT_MISSING
 from layered_cbf_ros.supervision.child import describe_exit
-from layered_cbf_ros.supervision.process_plan import PLANT, ProcessSpec
+from layered_cbf_ros.supervision.process_plan import ProcessSpec
 from layered_cbf_ros.supervision.shutdown import Patience, Process, Shutdown
 
 
@@ -162,7 +162,7 @@ class Supervisor:
         spec = self._plan[name]
         may_restart = spec.restarts_after(code) and self._restarts[name] < self._patience.restarts
         outlived = self.phase is Phase.RUNNING or not spec.needed
-        if name == PLANT and code == 0:
+        if spec.keeps_time and code == 0:
             self._stop(RunOutcome(Code.FINISHED, 'finished'))
         elif may_restart and outlived:
             self._restarts[name] += 1
@@ -196,7 +196,8 @@ class Supervisor:
         if news.paused or clock != self._progress[1]:
             self._progress = (now, clock)
         self._judge_reports(now)
-        if now - self._progress[0] > self._patience.standstill:
+        timed = any(spec.keeps_time for spec in self._plan.values())
+        if timed and now - self._progress[0] > self._patience.standstill:
             silent = tuple(name for name in news.silent if name not in self.ended)
             names = ', '.join(silent) or 'nobody in particular'
             reason = f'no progress for {self._patience.standstill:.0f} s; silent: {names}'

@@ -15,9 +15,11 @@ from layered_cbf_ros.bags.run.series import Series
 from layered_cbf_ros.bags.run.stops import told_to_sit
 from layered_cbf_ros.interfaces import NS_PER_S, Array
 from layered_cbf_ros.robot_model import FALLEN_HEIGHT, FALLEN_TILT, RobotModel
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.scenario import HARDWARE, Scenario
 
 SAMPLE_NS = 10_000_000
+STANDING_HEIGHT = 0.24
+"""A base at this height or above is that of a robot on its feet [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,8 @@ def goal_times(record: RunRecord, scenario: Scenario) -> dict[str, float | None]
 def find_falls(record: RunRecord) -> tuple[Fall, ...]:
     """Return the first fall of each robot: tilted, low, or on the ground with a body part.
 
-    One that is told to sit may be low and lie on its belly, but not tip over.
+    One that is told to sit may be low and lie on its belly, but not tip over. One at the
+    other end of a wire lies until its driver stands it up; it counts from then on.
     """
     falls = []
     tilted = f'trunk tilted beyond {np.rad2deg(FALLEN_TILT):.0f} deg'
@@ -95,14 +98,29 @@ def find_falls(record: RunRecord) -> tuple[Fall, ...]:
         times = record.seconds(motion.stamps_ns)
         tilt = roll_pitch_tilt(motion.configurations[:, 3:7])[2]
         height = motion.configurations[:, 2]
-        sits = told_to_sit(record.plan, robot, motion.stamps_ns)
+        stood_ns = stood_up_ns(record, motion)
+        sits = told_to_sit(record.plan, robot, motion.stamps_ns) | (motion.stamps_ns < stood_ns)
         found = [
             *_first_fall(robot, times, tilt > FALLEN_TILT, tilted),
             *_first_fall(robot, times, (height < FALLEN_HEIGHT) & ~sits, low),
-            *_ground_touched(record, robot),
+            *_ground_touched(record, robot, stood_ns),
         ]
+        if stood_ns > motion.stamps_ns[-1]:
+            found.append(Fall(robot, float(times[-1]), 'it never stood up'))
         falls += sorted(found, key=lambda fall: fall.time_s)[:1]
     return tuple(falls)
+
+
+def stood_up_ns(record: RunRecord, motion: RobotMotion) -> int:
+    """Return when a robot first stood [ns]: a robot with a driver begins on its belly.
+
+    After the last state if it never did; the stamp of the first if it didn't lie then.
+    """
+    wired = record.scenario is not None and record.scenario.plant in HARDWARE
+    if not wired or motion.configurations[0, 2] >= STANDING_HEIGHT:
+        return int(motion.stamps_ns[0])
+    stands = np.flatnonzero(motion.configurations[:, 2] >= STANDING_HEIGHT)
+    return int(motion.stamps_ns[stands[0]] if len(stands) else motion.stamps_ns[-1] + 1)
 
 
 def find_contacts(record: RunRecord) -> tuple[Contact, ...]:
@@ -197,13 +215,14 @@ def _contacts(record: RunRecord) -> list[Contact]:
     return contacts
 
 
-def _ground_touched(record: RunRecord, robot: str) -> list[Fall]:
-    """Return when a robot that wasn't told to sit first touched the ground with its body."""
+def _ground_touched(record: RunRecord, robot: str, from_ns: int) -> list[Fall]:
+    """Return when a robot's body first touched the ground, from a time on, untold."""
     clearance, pair = record.clearance, f'{robot}~ground'
     if clearance is None or pair not in clearance.names:
         return []
     touching = clearance.values[:, EFFORT, clearance.names.index(pair)] > 0.0
     touching &= ~told_to_sit(record.plan, robot, clearance.stamps_ns)
+    touching &= clearance.stamps_ns >= from_ns
     times = record.seconds(clearance.stamps_ns)
     return _first_fall(robot, times, touching, 'ground touched by more than feet')
 
