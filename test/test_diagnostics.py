@@ -27,7 +27,7 @@ from layered_cbf_ros.bags.run.node_health import NodeHealth
 from layered_cbf_ros.health import HOLD_NS, TOLD_BY, Fault, Level, Report
 from layered_cbf_ros.loop_statistics import KEPT, LoopStatistics, percentiles
 from layered_cbf_ros.nodes.diagnostics import DiagnosticsPublisher, report_of, status_of
-from layered_cbf_ros.supervision.process_plan import SIMULATOR as PLANT
+from layered_cbf_ros.run_nodes import SIMULATOR as PLANT
 from layered_cbf_ros.supervision.status import Heard
 from layered_cbf_ros.supervision.status_command import (
     aged,

@@ -24,9 +24,10 @@ from layered_cbf_ros.bags.storage.reader import BagReader
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.messages.cdr import stamp_of
+from layered_cbf_ros.run_nodes import RECORDER
+from layered_cbf_ros.run_nodes import SIMULATOR as PLANT
 from layered_cbf_ros.scenario_file import load_scenario, with_overrides
-from layered_cbf_ros.supervision.process_plan import RECORDER, process_plan
-from layered_cbf_ros.supervision.process_plan import SIMULATOR as PLANT
+from layered_cbf_ros.supervision.process_plan import process_plan
 from layered_cbf_ros.supervision.run_folder import make_run_folder
 
 pytestmark = pytest.mark.system

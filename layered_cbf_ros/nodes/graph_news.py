@@ -16,7 +16,7 @@ from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.node_topics import DIAGNOSTICS
 from layered_cbf_ros.nodes.diagnostics import DiagnosticsPublisher, report_of
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
-from layered_cbf_ros.supervision.process_plan import PLANTS
+from layered_cbf_ros.run_nodes import PLANTS
 from layered_cbf_ros.supervision.status import Heard, is_told_of, silent_nodes
 from layered_cbf_ros.supervision.supervisor import News
 

@@ -6,19 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from layered_cbf_ros.node_topics import PER_ROBOT
-from layered_cbf_ros.scenario import A1, BASES, EMULATED_A1, ESTIMATOR, HARDWARE, Scenario
+from layered_cbf_ros.run_nodes import OF_ONE_ROBOT, PLANTS, RECORDER, VIEWER, node_names, plant_of
+from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import REAL_TIME
 
-SIMULATOR, EMULATOR = '/simulator', '/a1_emulator'
-PLANTS = (SIMULATOR, EMULATOR)
-RECORDER = '/recorder'
-COORDINATOR = '/coordinator'
-VIEWER = '/viewer'
-WHOLE_BODY = 'whole_body_controller'
-DRIVER, STATE_ESTIMATOR = 'a1_driver', 'state_estimator'
-OF_ONE_ROBOT = (DRIVER, STATE_ESTIMATOR, WHOLE_BODY)
-"""Who only its own robot depends on: without it that robot is damped, the others go on."""
 EXIT_REFUSED = 2  # of a program that could not work with what it was told
 # A robot whose controller died lies damped: a new one would make it jump up.
 ONCE = (*(name.strip('/') for name in (*PLANTS, RECORDER)), *OF_ONE_ROBOT)
@@ -60,32 +51,6 @@ class ProcessSpec:
     def log_name(self) -> str:
         """Return the name of its log file."""
         return self.name.strip('/').replace('/', '.') + '.log'
-
-
-def plant_of(scenario: Scenario) -> str | None:
-    """Return the node that simulates the world of a scenario; None if the world is real."""
-    plants = {A1: None, EMULATED_A1: EMULATOR}
-    return plants.get(scenario.plant, SIMULATOR)
-
-
-def robot_nodes(scenario: Scenario) -> tuple[str, ...]:
-    """Return which nodes each robot of a scenario has."""
-    if scenario.plant == BASES:
-        return ()
-    driver = (DRIVER,) if scenario.plant in HARDWARE else ()
-    estimator = (STATE_ESTIMATOR,) if scenario.states == ESTIMATOR else ()
-    return (*driver, *estimator, *PER_ROBOT)
-
-
-def node_names(scenario: Scenario, record: bool) -> tuple[str, ...]:
-    """Return the full names of all nodes of a run; those that listen come first."""
-    names = [RECORDER] if record else []
-    names.append(COORDINATOR)
-    if scenario.obstacles:
-        names.append('/obstacle_tracker')
-    nodes, plant = robot_nodes(scenario), plant_of(scenario)
-    names += [f'/{robot.name}/{node}' for robot in scenario.robots for node in nodes]
-    return (*names, plant) if plant is not None else tuple(names)
 
 
 def process_plan(scenario: Scenario, parameter_file: Path, record: bool) -> tuple[ProcessSpec, ...]:

@@ -13,9 +13,7 @@ from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.node_parameters import NODE_PARAMETERS
 from layered_cbf_ros.node_topics import PER_ROBOT, odometry, robot_state
 from layered_cbf_ros.parameters import from_mapping, parameters_of, read_parameter_file, values_of
-from layered_cbf_ros.scenario import A1, BASES, EMULATED_A1, ESTIMATOR, HARDWARE, Robot, Scenario
-from layered_cbf_ros.scenario_checks import SETTLED, problems
-from layered_cbf_ros.supervision.process_plan import (
+from layered_cbf_ros.run_nodes import (
     COORDINATOR,
     DRIVER,
     RECORDER,
@@ -23,6 +21,8 @@ from layered_cbf_ros.supervision.process_plan import (
     node_names,
     plant_of,
 )
+from layered_cbf_ros.scenario import A1, BASES, EMULATED_A1, ESTIMATOR, HARDWARE, Robot, Scenario
+from layered_cbf_ros.scenario_checks import SETTLED, problems
 from layered_cbf_ros.timing import REAL_TIME, timing_values
 from layered_cbf_ros.yaml_entry import suggestion
 

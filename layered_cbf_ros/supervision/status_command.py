@@ -8,7 +8,7 @@ from typing import Any
 
 from layered_cbf_ros.bags.command_line import OneLineParser
 from layered_cbf_ros.health import Level, Report, worst
-from layered_cbf_ros.supervision.process_plan import PLANTS
+from layered_cbf_ros.run_nodes import PLANTS
 from layered_cbf_ros.supervision.status import STALE_AFTER, SUPERVISOR, Heard
 
 WORD = 'status'

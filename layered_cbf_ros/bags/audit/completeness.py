@@ -13,7 +13,8 @@ from layered_cbf_ros.bags.recording.losses import REFUSED_NOTE, read_losses
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.node_topics import DIAGNOSTICS, SCENARIO
-from layered_cbf_ros.scenario import BASES, Scenario
+from layered_cbf_ros.run_nodes import node_names
+from layered_cbf_ros.scenario import Scenario
 from layered_cbf_ros.timing import LOCKSTEP
 
 NAME = 'completeness'
@@ -45,10 +46,7 @@ def check_completeness(evidence: Evidence, files: tuple[Path, ...], reason: str 
 
 def _silent_nodes(evidence: Evidence, scenario: Scenario) -> list[str]:
     """Return the nodes of the scenario of which there are no diagnostics."""
-    nodes = ['/simulator', '/coordinator']
-    nodes += ['/obstacle_tracker'] if scenario.obstacles else []
-    for robot in () if scenario.plant == BASES else scenario.robots:
-        nodes += [f'/{robot.name}/ground_force_mpc', f'/{robot.name}/whole_body_controller']
+    nodes = node_names(scenario, record=False)
     return [f'no {DIAGNOSTICS} of {node}' for node in nodes if node not in evidence.diagnostics]
 
 

@@ -11,8 +11,16 @@ from layered_cbf_ros.bags.storage.bag import Bag
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
 from layered_cbf_ros.interfaces import NS_PER_S
-from layered_cbf_ros.node_topics import CLEARANCE, DIAGNOSTICS, PLAN, STATE, TRUTH, odometry
-from layered_cbf_ros.scenario import BULLET
+from layered_cbf_ros.node_topics import (
+    CLEARANCE,
+    DIAGNOSTICS,
+    PLAN,
+    STATE,
+    TRUTH,
+    odometry,
+    robot_state,
+)
+from layered_cbf_ros.scenario import A1, BASES
 
 NAMED = 3
 """So many topics are named where the same is wrong with several."""
@@ -120,7 +128,11 @@ def _missing_topics(statistics: Mapping[str, TopicStatistics], run: RunRecord) -
     scenario = run.scenario
     if scenario is None:
         return
-    states = [STATE] if scenario.plant == BULLET else [odometry(r.name) for r in scenario.robots]
+    states = [STATE]
+    if scenario.plant == BASES:
+        states = [odometry(robot.name) for robot in scenario.robots]
+    elif scenario.plant == A1:
+        states = [robot_state(robot.name) for robot in scenario.robots]
     needed = [*states, PLAN, DIAGNOSTICS, CLEARANCE, *([TRUTH] if scenario.obstacles else [])]
     missing = [topic for topic in needed if topic not in statistics]
     if missing:

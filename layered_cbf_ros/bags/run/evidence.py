@@ -21,6 +21,7 @@ from layered_cbf_ros.node_topics import (
     STATE,
     TRUTH,
 )
+from layered_cbf_ros.run_nodes import node_names
 from layered_cbf_ros.scenario import BASES, Scenario
 
 LONGEST_GAP = 0.1
@@ -125,9 +126,8 @@ def _missing_bodies(record: RunRecord, scenario: Scenario) -> list[str]:
 
 def _missing_nodes(record: RunRecord, scenario: Scenario) -> list[str]:
     """Check that every controller told how its solver fared."""
-    nodes = ['/coordinator']
-    if scenario.plant != BASES:
-        nodes += [f'/{robot.name}/{node}' for robot in scenario.robots for node in PER_ROBOT]
+    solving = ('coordinator', *PER_ROBOT)
+    nodes = [n for n in node_names(scenario, record=False) if n.rpartition('/')[2] in solving]
     return [
         f'no {DIAGNOSTICS} of {node}: its solver failures are not known'
         for node in nodes
