@@ -17,6 +17,7 @@ from layered_cbf_ros.bags.command_line import run_verb
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.health import Report
 from layered_cbf_ros.nodes.graph_news import GraphNews
+from layered_cbf_ros.nodes.robot_orders import give_order
 from layered_cbf_ros.nodes.status_listener import show_status
 from layered_cbf_ros.nodes.transport import find_each_other_fast
 from layered_cbf_ros.resources import find_folder
@@ -26,6 +27,7 @@ from layered_cbf_ros.supervision import shared_memory
 from layered_cbf_ros.supervision.child import Child, node_command
 from layered_cbf_ros.supervision.command_line import Options, parse
 from layered_cbf_ros.supervision.domain_lock import DomainLock
+from layered_cbf_ros.supervision.order_command import ORDERS, parse_order
 from layered_cbf_ros.supervision.printer import Printer, progress_line
 from layered_cbf_ros.supervision.process_plan import (
     ProcessSpec,
@@ -201,10 +203,12 @@ def supervise(options: Options) -> int:
 
 
 def main() -> None:
-    """Run the supervisor, or show what a running one and all others tell."""
+    """Run the supervisor, show what a running one and all others tell, or give an order."""
     arguments = remove_ros_args(sys.argv)[1:]
     if arguments[:1] == [WORD]:
         run_verb(lambda _: show_status(parse_status(arguments[1:])))
+    if arguments[:1] and arguments[0] in ORDERS:
+        run_verb(lambda _: give_order(parse_order(arguments[0], arguments[1:])))
     options = parse(arguments)
     try:
         find_each_other_fast()
