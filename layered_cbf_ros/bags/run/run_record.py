@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layered_cbf_ros.bags.run.base_states import Odometries, base_states, is_odometry
+from layered_cbf_ros.bags.run.joined_states import is_robot_state, joined_states
 from layered_cbf_ros.bags.run.motions import ObstacleMotion, RobotMotion, robot_motions
 from layered_cbf_ros.bags.run.node_health import NodeHealth, SolveTimes
 from layered_cbf_ros.bags.run.series import (
@@ -39,7 +40,7 @@ from layered_cbf_ros.node_topics import (
     STATE,
     TRUTH,
 )
-from layered_cbf_ros.scenario import BASES, Scenario
+from layered_cbf_ros.scenario import A1, BASES, Scenario
 from layered_cbf_ros.scenario_file import from_json
 
 
@@ -56,7 +57,7 @@ class RunRecord:
         scenario: What was run, or None if the bag doesn't tell.
         state, plan, clearance, barriers, intervention, commands: The topics of these
             names, or None where the bag has no message; of bases, the state is put
-            together from their odometry.
+            together from their odometry, of real A1s from the topic of each.
         motions: Motion of each robot in /state, in its order.
         obstacles: Their true motion, or None.
         counters: Sum of each counter over the life of a node and its restarts,
@@ -108,7 +109,7 @@ class RunGatherer:
             COMMANDS: JointTrajectories(),
         }
         self._topics = frozenset((*self._series, TRUTH, SCENARIO, DIAGNOSTICS))
-        self._odometry: dict[str, SeriesBuilder] = {}
+        self._parts: dict[str, SeriesBuilder] = {}
         self._health = NodeHealth()
         self._scenario: Scenario | None = None
         self._unreadable: dict[str, int] = {}
@@ -119,18 +120,19 @@ class RunGatherer:
 
     def wants(self, topic: str) -> bool:
         """Tell whether a topic tells of the run."""
-        return topic in self._topics or is_odometry(topic)
+        return topic in self._topics or is_odometry(topic) or is_robot_state(topic)
 
     def take(self, record: Record) -> None:
         """Take one message that it wants; count it if it can't be decoded."""
         topic = record.topic.name
-        is_odom = is_odometry(topic)
-        if topic == STATE or is_odom:
-            first_ns, _ = self._wall_spans_ns.get(is_odom, (record.log_time_ns, 0))
-            self._wall_spans_ns[is_odom] = first_ns, record.log_time_ns
+        is_part = is_odometry(topic) or is_robot_state(topic)
+        if topic == STATE or is_part:
+            first_ns, _ = self._wall_spans_ns.get(is_part, (record.log_time_ns, 0))
+            self._wall_spans_ns[is_part] = first_ns, record.log_time_ns
         try:
-            if is_odom:
-                self._odometry.setdefault(topic, Odometries()).add(record.data)
+            if is_part:
+                kind = Odometries if is_odometry(topic) else JointStates
+                self._parts.setdefault(topic, kind()).add(record.data)
                 if False not in self._wall_spans_ns:
                     self._state_ns = stamp_of(record.data)
             elif topic in self._series:
@@ -150,10 +152,11 @@ class RunGatherer:
             bag: The bag, after the pass.
         """
         built = {topic: builder.build() for topic, builder in self._series.items()}
-        if self._scenario is not None and self._scenario.plant == BASES:
-            told = {topic: builder.build() for topic, builder in self._odometry.items()}
+        if self._scenario is not None and self._scenario.plant in (BASES, A1):
+            told = {topic: builder.build() for topic, builder in self._parts.items()}
             known = {topic: series for topic, series in told.items() if series is not None}
-            built[STATE] = base_states(known, self._scenario)
+            join = base_states if self._scenario.plant == BASES else joined_states
+            built[STATE] = join(known, self._scenario)
         return RunRecord(
             path=path,
             counts=bag.counts,
