@@ -17,6 +17,7 @@ from layered_cbf_ros.run_nodes import (
     COORDINATOR,
     DRIVER,
     RECORDER,
+    SIMULATOR,
     STATE_ESTIMATOR,
     node_names,
     plant_of,
@@ -124,7 +125,7 @@ def run_parameters(
     for k, robot in enumerate(() if scenario.plant == BASES else scenario.robots):
         _settle_robot(parameters, scenario, robot, k)
     plant = plant_of(scenario)
-    if plant is not None:
+    if plant == SIMULATOR:
         parameters[plant]['wait_for'] = [name for name in names if name != plant]
     if bag is not None:
         parameters[RECORDER]['output'] = str(bag)
