@@ -7,6 +7,8 @@ from layered_cbf_ros.scenario import A1, BASES, EMULATED_A1, ESTIMATOR, HARDWARE
 
 SIMULATOR, EMULATOR = '/simulator', '/a1_emulator'
 PLANTS = (SIMULATOR, EMULATOR)
+FINISHED = 'finished'
+"""State of a plant whose scenario is over, and which waits for the others to end."""
 RECORDER = '/recorder'
 COORDINATOR, TRACKER = '/coordinator', '/obstacle_tracker'
 VIEWER = '/viewer'

@@ -9,7 +9,7 @@ import pytest
 
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.plants.a1.frames import SERVO, LowCommand, LowState
-from layered_cbf_ros.plants.a1.link import BEGUN_ANEW, Link, TickOrder
+from layered_cbf_ros.plants.a1.link import BEGUN_ANEW, MOST_PACKETS, Link, TickOrder
 from layered_cbf_ros.plants.a1.packets import CommandPacker, pack_state, unpack_command
 from layered_cbf_ros.plants.a1.peer import Peer
 
@@ -136,7 +136,30 @@ def test_a_robot_that_was_restarted_is_believed_after_a_while_and_old_frames_nev
     assert order.accepts(BEGUN_ANEW)
     order = TickOrder()
     assert order.accepts(1_000_000)
+    assert any(order.accepts(tick // 3) for tick in range(4 * BEGUN_ANEW))  # a coarse clock
+    order = TickOrder()
+    assert order.accepts(1_000_000)
+    assert not any(order.accepts(7) for _ in range(3 * BEGUN_ANEW))  # one frame, again and again
+    order = TickOrder()
+    assert order.accepts(1_000_000)
     assert not any(order.accepts(tick) for tick in [7, 8, 9, 8] * BEGUN_ANEW)
+
+
+def test_a_flood_takes_turns_with_the_robot(wire):
+    """One call ends however much waits; the robot is heard when its turn comes."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(MOST_PACKETS + 10):
+            stranger.sendto(b'?', (LOOPBACK, wire.local))
+    wire.told(1)
+    time.sleep(0.05)
+    assert wire.link.receive() is None
+    assert wire.link.refused == {'address': MOST_PACKETS}
+    assert wire.link.receive().tick == 1
+
+
+def test_an_address_that_is_not_ours_is_named():
+    with pytest.raises(LayeredCbfError, match=r"emulation.port 8007: .*192.0.2.1 can't be had"):
+        Peer('192.0.2.1', 8007)
 
 
 def test_a_port_that_somebody_has_is_named(wire):

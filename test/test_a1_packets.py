@@ -4,6 +4,7 @@ import hashlib
 import struct
 
 import numpy as np
+import pinocchio
 import pytest
 
 from layered_cbf_ros.errors import MessageError
@@ -117,24 +118,32 @@ def test_commands_survive_the_wire_as_finely_as_its_integers_allow(seed):
 
 def test_torques_are_cut_where_the_makers_code_lets_them_wrap():
     """200 Nm would arrive as -56 Nm."""
-    command = LowCommand(SERVO, *(np.full(12, x) for x in (9e9, 9e9, 200.0, 2000.0, 5000.0)))
+    command = LowCommand(SERVO, *(np.full(12, x) for x in (1.0, 1.0, 200.0, 2000.0, 5000.0)))
     heard = unpack_command(CommandPacker(33.5).pack(command))
     assert heard.torque == pytest.approx(33.5)
     widest = unpack_command(CommandPacker(1e9).pack(command))
     assert ((widest.torque > 127.9) & (widest.torque < 128.0)).all()
     assert ((widest.kp > 1000.0) & (widest.kd > 2000.0)).all()
-    lowest = LowCommand(SERVO, *(np.full(12, x) for x in (-9e9, -9e9, -200.0, -1.0, -1.0)))
+    lowest = LowCommand(SERVO, *(np.full(12, x) for x in (-1.0, -1.0, -200.0, -1.0, -1.0)))
     heard = unpack_command(CommandPacker(33.5).pack(lowest))
     assert heard.torque == pytest.approx(-33.5)
     assert not heard.kp.any()  # negative gains would drive a joint away
     assert not heard.kd.any()
 
 
-def test_no_motor_with_gains_is_ever_told_the_angle_that_switches_its_loop_off():
-    command = LowCommand(SERVO, *(np.full(12, x) for x in (2.146e9, 16000.0, 0.0, 50.0, 5.0)))
-    heard = unpack_command(CommandPacker(33.5).pack(command))
-    assert np.abs(heard.position).max() < 1e3
-    assert np.abs(heard.velocity).max() < 1e3
+@pytest.mark.parametrize(
+    ('name', 'value', 'gain'),
+    [('position', 2.146e9, 'kp'), ('position', -33.0, 'kp'), ('velocity', 16000.0, 'kd')],
+)
+def test_no_motor_with_a_gain_is_ever_told_the_value_that_switches_its_loop_off(name, value, gain):
+    """Were it taken at its word, the joint would go to its stop with all it has."""
+    packer = CommandPacker(33.5)
+    command = LowCommand(SERVO, *np.zeros((5, 12)))
+    getattr(command, name)[7], getattr(command, gain)[7] = value, 5.0
+    with pytest.raises(MessageError, match=rf'{name} of RL_upper_joint is .* with {gain} 5;'):
+        packer.pack(command)
+    getattr(command, gain)[7] = 0.0  # without a gain the value means nothing
+    assert np.abs(getattr(unpack_command(packer.pack(command)), name)).max() <= 128.0
 
 
 @pytest.mark.parametrize('name', ['position', 'velocity', 'torque', 'kp', 'kd'])
@@ -146,6 +155,23 @@ def test_what_is_no_number_is_never_packed_and_named(name, bad):
         packer.pack(command)
     good = random_command(np.random.default_rng(2))
     assert packer.pack(good) == command_by_hand(good)  # nothing of it is left
+
+
+def test_a_world_that_has_burst_is_not_packed():
+    state = random_state(np.random.default_rng(1))
+    state.velocity[3] = np.nan
+    with pytest.raises(MessageError, match='velocity of a state'):
+        pack_state(state)
+
+
+def test_states_beyond_their_integers_are_clamped():
+    """A motor of 130 degrees must not read as one of -126."""
+    state = random_state(np.random.default_rng(1))
+    state.temperature[:], state.torque[:], state.foot_force[:] = 130, 200.0, 1e6
+    heard = unpack_state(pack_state(state))
+    assert (heard.temperature == 127).all()
+    assert (heard.torque > 127.9).all()
+    assert (heard.foot_force == 32767.0).all()
 
 
 def test_damping_resists_motion_and_off_is_off():
@@ -198,6 +224,14 @@ def test_each_field_of_a_state_stands_where_the_maker_has_it():
     assert state.tick == 12345
 
 
+@pytest.mark.parametrize('seed', range(5))
+def test_a_packed_state_has_roll_pitch_and_yaw_of_its_orientation(seed):
+    state = random_state(np.random.default_rng(seed))
+    turned = pinocchio.Quaternion(state.orientation).matrix()
+    told = struct.unpack_from('<3f', pack_state(state), 50)
+    assert told == pytest.approx(pinocchio.rpy.matrixToRpy(turned), abs=1e-5)
+
+
 def spoilt(change):
     data = bytearray(pack_state(random_state(np.random.default_rng(3))))
     change(data)
@@ -240,6 +274,13 @@ def test_a_command_for_another_level_is_refused():
         unpack_command(sealed(bytes(packet)))
 
 
+def test_a_command_that_is_not_finite_is_refused():
+    packet = bytearray(CommandPacker(33.5).pack(LowCommand.damping(1.0)))
+    struct.pack_into('<f', packet, 10 + 27 * 5 + 1, np.nan)
+    with pytest.raises(FrameError, match='not finite'):
+        unpack_command(sealed(bytes(packet)))
+
+
 @pytest.mark.parametrize(
     ('bits', 'buttons'),
     [(0x0010, {'R2'}), (0x0220, {'L2', 'B'}), (0x8001, {'left', 'R1'}), (0, set())],
@@ -249,3 +290,8 @@ def test_buttons_of_the_remote_control_have_the_makers_bits(bits, buttons):
     assert pressed_buttons(data) == buttons
     assert read_remote(data).sticks == pytest.approx((0.1, 0.2, 0.3, 0.4))
     assert pressed_buttons(write_remote(buttons)) == buttons
+
+
+def test_a_stick_that_tells_no_number_is_let_go():
+    data = struct.pack('<HH5f', 0, 0, np.nan, 7.0, -np.inf, 0.0, -7.0).ljust(40, b'\0')
+    assert read_remote(data).sticks == (0.0, -1.0, 1.0, 0.0)

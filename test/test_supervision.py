@@ -28,7 +28,7 @@ from layered_cbf_ros.supervision.child import Child, describe_exit, node_command
 from layered_cbf_ros.supervision.command_line import parse
 from layered_cbf_ros.supervision.domain_lock import DomainLock
 from layered_cbf_ros.supervision.printer import Printer, progress_line
-from layered_cbf_ros.supervision.process_plan import ProcessSpec, process_plan
+from layered_cbf_ros.supervision.process_plan import ProcessSpec, patience_of, process_plan
 from layered_cbf_ros.supervision.run_folder import make_run_folder
 from layered_cbf_ros.supervision.run_parameters import (
     explicit,
@@ -87,7 +87,8 @@ def test_a_run_has_a_process_for_every_node_and_starts_listeners_first():
     assert plan[4].executable == 'whole_body_controller'
     assert plan[4].arguments[-1] == '__ns:=/a1_0'
     assert plan[4].log_name == 'a1_0.whole_body_controller.log'
-    assert [spec.name for spec in plan if spec.ends_last] == [RECORDER]
+    assert {spec.name: spec.turn for spec in plan if spec.turn} == {RECORDER: 2}
+    assert [spec.name for spec in plan if spec.ends_itself] == [RECORDER]
 
 
 def test_only_what_keeps_no_world_restarts_and_only_in_real_time():
@@ -125,6 +126,17 @@ def test_one_word_puts_drivers_and_estimators_between_the_layers_and_their_plant
     added = {f'/{robot.name}/{node}' for robot in scenario.robots for node in nodes}
     assert {spec.name for spec in plan} == usual | added | ({plant} - {None})
     assert [spec.name for spec in plan if spec.keeps_time] == ([plant] if plant else [])
+
+
+def test_a_driver_ends_before_its_robot_does_and_in_order_even_if_its_supervisor_dies():
+    turns = {spec.name: spec.turn for spec in process_plan(WIRED, Path('p'), True)}
+    drivers = {f'/{robot.name}/a1_driver' for robot in WIRED.robots}
+    assert {turns[name] for name in drivers} == {0}
+    assert turns['/a1_emulator'] == 1
+    assert turns[RECORDER] == 2
+    itself = {s.name for s in process_plan(WIRED, Path('p'), True) if s.ends_itself}
+    assert itself == drivers | {RECORDER}
+    assert patience_of(WIRED).interrupt - patience_of(SCENARIO).interrupt >= 1.6 / WIRED.pace
 
 
 def test_each_driver_finds_its_own_robot_and_arms_only_an_emulated_one():

@@ -30,6 +30,7 @@ from layered_cbf_ros.plants.parameters import SimulatorParameters
 from layered_cbf_ros.robot_description import robot_description
 from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.run_clock import RunClock
+from layered_cbf_ros.run_nodes import FINISHED
 from layered_cbf_ros.scenario import EMULATED_A1, Scenario
 
 PEOPLE_NS = NS_PER_S // 50
@@ -70,22 +71,29 @@ class A1EmulatorNode(ScenarioNode):
         self._latched = [latch(self, f'/{name}/robot_description', urdf) for name in self._names]
 
     def run(self) -> None:
-        """Step the world as the clock goes, until the scenario's time or its goals are over."""
+        """Step the world as the clock goes; when the scenario is over, tell so.
+
+        It goes on unobserved until asked to end, so that no driver loses its robot.
+        """
         self.lockstep, self.statistics.real_time = False, True
         while self._run_clock.now_ns() < 0:
             self.serve()
             time.sleep(BEGIN_S)
         self.tell_ready()
         self.statistics.period_ns = round(STEP_NS / self.timing.pace)
-        end_ns = round(self._scenario.duration * NS_PER_S)
-        while self._world.stamp_ns <= end_ns and not self._goals.all_reached:
+        while True:
             self.serve()
             stamp_ns = self._world.stamp_ns
             self._run_clock.sleep_until(stamp_ns)
             begun_ns = time.monotonic_ns()
             self.statistics.deadline_misses += self._run_clock.now_ns() - stamp_ns > LATE_NS
             self.statistics.begin(begun_ns, stamp_ns)
-            self._step()
+            if self._is_over(stamp_ns):
+                if self.statistics.state != FINISHED:
+                    self.publish_diagnostics(FINISHED)
+            else:
+                self._tell(stamp_ns)
+            self._step(stamp_ns)
             self.statistics.tick(time.monotonic_ns() - begun_ns)
 
     def close(self) -> None:
@@ -94,15 +102,23 @@ class A1EmulatorNode(ScenarioNode):
             peer.close()
         super().close()
 
-    def _step(self) -> None:
-        """Tell the present, hear the drivers, and go on by one step."""
-        stamp_ns, states = self._world.stamp_ns, self._world.states()
+    def _is_over(self, stamp_ns: int) -> bool:
+        over = stamp_ns > round(self._scenario.duration * NS_PER_S)
+        return over or self._goals.all_reached
+
+    def _tell(self, stamp_ns: int) -> None:
+        """Publish what is due of the true world."""
+        states = self._world.states()
         if stamp_ns % self.timing.tick_ns == 0:
             self._state.publish(self._encoder.encode(states))
         self._outputs.publish(stamp_ns)
         if stamp_ns % PEOPLE_NS == 0:
             self._tell_people(states)
         self._goals.watch(stamp_ns, [state.configuration[:2] for state in states])
+
+    def _step(self, stamp_ns: int) -> None:
+        """Answer and hear the drivers, and go on by one step."""
+        states = self._world.states()
         torques = np.empty((len(states), 12))
         for k, (robot, peer, state) in enumerate(
             zip(self._robots, self._peers, states, strict=True)

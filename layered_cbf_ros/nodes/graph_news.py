@@ -16,7 +16,7 @@ from layered_cbf_ros.messages.cdr import stamp_of
 from layered_cbf_ros.node_topics import DIAGNOSTICS
 from layered_cbf_ros.nodes.diagnostics import DiagnosticsPublisher, report_of
 from layered_cbf_ros.nodes.transport import Reader, decoded, latched
-from layered_cbf_ros.run_nodes import PLANTS
+from layered_cbf_ros.run_nodes import FINISHED, PLANTS
 from layered_cbf_ros.supervision.status import Heard, is_told_of, silent_nodes
 from layered_cbf_ros.supervision.supervisor import News
 
@@ -70,4 +70,5 @@ class GraphNews(Node):
         silent = silent_nodes(self._names, self.heard, now)
         plants = [self.heard[name] for name in PLANTS if name in self.heard and name not in silent]
         self._paused = any(plant.report.values.get('paused') == 'true' for plant in plants)
-        return News(frozenset(self._ready), self._simulated, tuple(silent), self._paused)
+        finished = any(plant.report.values.get('state') == FINISHED for plant in plants)
+        return News(frozenset(self._ready), self._simulated, tuple(silent), self._paused, finished)

@@ -236,7 +236,7 @@ class GraphNode(Node):
         """Tell now, and not only with the next second, that the node does something else.
 
         Args:
-            state: What it does from now on: 'running' or 'paused'.
+            state: What it does from now on: 'running', 'paused' or 'finished'.
         """
         self.statistics.state = state
         self._diagnostics.publish(time.monotonic_ns())

@@ -31,6 +31,7 @@ from layered_cbf_ros.supervision.order_command import ORDERS, parse_order
 from layered_cbf_ros.supervision.printer import Printer, progress_line
 from layered_cbf_ros.supervision.process_plan import (
     ProcessSpec,
+    patience_of,
     process_plan,
     viewer_process,
 )
@@ -73,7 +74,7 @@ class Run:
         self._children: dict[str, Child] = {}
         self._used: tuple[float, dict[str, float]] = (0.0, {})
         self._stops_asked = self._stops_done = 0
-        self._supervisor = Supervisor(plan, self._launch, printer.tell)
+        self._supervisor = Supervisor(plan, self._launch, printer.tell, patience_of(scenario))
         self.graph = GraphNews(self._names)
         self._statistics = self.graph.diagnostics.statistics
         self._statistics.details['scenario'] = scenario.name

@@ -22,7 +22,7 @@ Tell = Callable[[str, str], None]
 
 def node_command(spec: ProcessSpec, parent: int) -> list[str]:
     """Return the command that runs a node of this package as our child."""
-    death_signal = signal.SIGTERM if spec.ends_last else signal.SIGKILL
+    death_signal = signal.SIGTERM if spec.ends_itself else signal.SIGKILL
     program = (
         'from layered_cbf_ros.supervision.parent import tie_to_parent\n'
         f'tie_to_parent({parent}, {int(death_signal)})\n'

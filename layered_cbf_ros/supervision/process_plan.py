@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from layered_cbf_ros.run_nodes import OF_ONE_ROBOT, PLANTS, RECORDER, VIEWER, node_names, plant_of
-from layered_cbf_ros.scenario import Scenario
+from layered_cbf_ros.run_nodes import (
+    DRIVER,
+    EMULATOR,
+    OF_ONE_ROBOT,
+    PLANTS,
+    RECORDER,
+    VIEWER,
+    node_names,
+    plant_of,
+)
+from layered_cbf_ros.scenario import HARDWARE, Scenario
+from layered_cbf_ros.supervision.shutdown import Patience
 from layered_cbf_ros.timing import REAL_TIME
 
+SWITCHING_OFF = 3.0  # time that a driver takes to damp its robot and switch it off [s]
 EXIT_REFUSED = 2  # of a program that could not work with what it was told
+# A driver needs its robot until it has switched it off; the recorder hears everybody end.
+TURNS = {EMULATOR: 1, RECORDER: 2}
 # A robot whose controller died lies damped: a new one would make it jump up.
 ONCE = (*(name.strip('/') for name in (*PLANTS, RECORDER)), *OF_ONE_ROBOT)
 
@@ -26,7 +40,8 @@ class ProcessSpec:
         restarts: Whether it is started again if it dies; only in real time, and
             only what keeps no world, no file and no robot on its legs.
         ends_run: Whether its death, if it isn't started again, ends the run.
-        ends_last: Whether it is ended after all others, so that it hears them end.
+        turn: When it is ended: those of a lower turn have ended before.
+        ends_itself: Whether it ends in order if its supervisor dies; others are killed.
         needed: Whether the run waits for it to begin.
         keeps_time: Whether the run is over when it ends in order.
     """
@@ -36,7 +51,8 @@ class ProcessSpec:
     arguments: tuple[str, ...]
     restarts: bool = False
     ends_run: bool = True
-    ends_last: bool = False
+    turn: int = 0
+    ends_itself: bool = False
     needed: bool = True
     keeps_time: bool = False
 
@@ -73,9 +89,18 @@ def _process(name: str, parameter_file: Path, real_time: bool, keeps_time: bool)
         arguments=tuple(arguments),
         restarts=real_time and node not in ONCE,
         ends_run=not real_time or node not in OF_ONE_ROBOT,
-        ends_last=name == RECORDER,
+        turn=TURNS.get(name, 0),
+        ends_itself=name == RECORDER or node == DRIVER,
         keeps_time=keeps_time,
     )
+
+
+def patience_of(scenario: Scenario) -> Patience:
+    """Return how long its processes may take; drivers switch robots off in the run's time."""
+    usual = Patience()
+    if scenario.plant not in HARDWARE:
+        return usual
+    return dataclasses.replace(usual, interrupt=usual.interrupt + SWITCHING_OFF / scenario.pace)
 
 
 def viewer_process(arguments: Sequence[str]) -> ProcessSpec:

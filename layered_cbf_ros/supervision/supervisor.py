@@ -48,12 +48,14 @@ class News:
         clock: Simulated time [s], None before the first word of it.
         silent: The nodes whose diagnostics have stopped.
         paused: Whether the plant tells, and goes on telling, that it was paused.
+        finished: Whether the plant tells that the scenario is over.
     """
 
     ready: frozenset[str] = frozenset()
     clock: float | None = None
     silent: tuple[str, ...] = ()
     paused: bool = False
+    finished: bool = False
 
 
 class Phase(enum.Enum):
@@ -195,6 +197,8 @@ class Supervisor:
         clock = self._progress[1] if news.clock is None else news.clock
         if news.paused or clock != self._progress[1]:
             self._progress = (now, clock)
+        if news.finished:
+            self._stop(RunOutcome(Code.FINISHED, 'finished'))
         self._judge_reports(now)
         timed = any(spec.keeps_time for spec in self._plan.values())
         if timed and now - self._progress[0] > self._patience.standstill:
@@ -218,6 +222,7 @@ class Supervisor:
         if self.phase in (Phase.STOPPING, Phase.ENDED):
             return
         self.phase, self._outcome = Phase.STOPPING, outcome
-        last = {name: p for name, p in self.processes.items() if self._plan[name].ends_last}
-        first = {name: p for name, p in self.processes.items() if name not in last}
-        self._shutdown = Shutdown((first, last), self._patience)
+        turns: dict[int, dict[str, Process]] = {}
+        for name, process in self.processes.items():
+            turns.setdefault(self._plan[name].turn, {})[name] = process
+        self._shutdown = Shutdown([turns[turn] for turn in sorted(turns)], self._patience)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 from collections import Counter
 
@@ -11,7 +12,9 @@ from layered_cbf_ros.plants.a1.packets import STATE_BYTES, FrameError, unpack_st
 
 HALF_ROUND = 1 << 31  # of the robot's 32-bit clock
 BEGUN_ANEW = 50
-"""So many older states in a row, each newer than the one before: the robot was restarted."""
+"""So many older states in a row, none older than the one before: the robot was restarted."""
+MOST_PACKETS = 64
+"""Taken in one call: a stranger who floods the port must not keep the driver from its cycle."""
 
 
 class TickOrder:
@@ -26,8 +29,10 @@ class TickOrder:
         if self._last is None or _behind(self._last, tick) < HALF_ROUND:
             self._last, self._row = tick, 0
             return True
-        follows = self._row > 0 and 0 < _behind(self._older, tick) < HALF_ROUND
-        self._older, self._row = tick, self._row + 1 if follows else 1
+        gap = _behind(self._older, tick)
+        if self._row and gap == 0:  # the same again: its clock may be coarse
+            return False
+        self._older, self._row = tick, self._row + 1 if self._row and gap < HALF_ROUND else 1
         if self._row < BEGUN_ANEW:
             return False
         self._last, self._row = tick, 0
@@ -55,7 +60,7 @@ class Link:
             local_port: Ours.
 
         Raises:
-            LayeredCbfError: If our port is taken.
+            LayeredCbfError: If our port can't be had.
         """
         self._robot = (address, port)
         self._socket = bound_socket('', local_port, 'local_port')
@@ -67,15 +72,16 @@ class Link:
     def receive(self) -> LowState | None:
         """Return the newest state that waits, None if there is none; never blocks."""
         newest = None
-        while True:
+        for _ in range(MOST_PACKETS):
             try:
                 data, sender = self._socket.recvfrom(2 * STATE_BYTES)
             except BlockingIOError:
-                return newest
+                break
             except OSError:  # what an earlier packet met on its way
                 continue
             state = self._accepted(data, sender)
             newest = newest if state is None else state
+        return newest
 
     def send(self, packet: bytes) -> None:
         """Send a packet; one that can't go is counted."""
@@ -115,7 +121,7 @@ def bound_socket(address: str, port: int, field: str) -> socket.socket:
         field: What a person has set the port by.
 
     Raises:
-        LayeredCbfError: If somebody else has the port.
+        LayeredCbfError: If somebody else has the port, or the address isn't ours.
     """
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.setblocking(False)
@@ -123,9 +129,13 @@ def bound_socket(address: str, port: int, field: str) -> socket.socket:
         bound.bind((address, port))
     except OSError as error:
         bound.close()
-        where = f'{address or "every address"}, UDP port {port}'
+        where = f'{field} {port}: UDP port {port} of {address or "every address"}'
+        if error.errno != errno.EADDRINUSE:
+            raise LayeredCbfError(
+                f"{where} can't be had ({error.strerror}); give an address and a port of this "
+                'computer'
+            ) from None
         raise LayeredCbfError(
-            f'{field} {port}: {where} is not free ({error.strerror}); choose another, '
-            'or end the program that has it'
+            f'{where} is not free; choose another, or end the program that has it'
         ) from None
     return bound

@@ -2,7 +2,8 @@
 
 Little-endian, packed, the checksum in the last four bytes. Torques and gains travel as
 16-bit integers; the maker's own code lets them wrap, so that 200 Nm would become -56 Nm.
-Here they are clamped before, and what is not a number is never packed.
+Here they are clamped before, and what is not a number is never packed. Headers are sent
+as zeros, as the maker's library does, and not judged: what real robots put there isn't known.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ SCALES = np.array([1.0, 1.0, 256.0, 32.0, 16.0])
 """Of position, velocity, torque, kp and kd."""
 TORQUE_SCALE = 256.0
 WIDEST = np.array([32.0, 128.0, 127.99, 1023.0, 2047.0])
-"""Largest position [rad], velocity [rad/s], torque [Nm], kp and kd that are ever sent."""
+"""Largest position [rad], velocity [rad/s], torque [Nm], kp and kd that are ever sent.
+
+No joint of an A1 gets near the first two.
+"""
 QUATERNION_TOLERANCE = 0.05
 
 ROBOT_ORDER = np.array([3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8])
@@ -81,6 +85,7 @@ class CommandPacker:
         self._given, self._values = np.zeros(len(self._order)), np.zeros(len(self._order))
         rows = self._values.reshape(5, -1).T
         self._two, self._three = rows[:, :2], rows[:, 2:]
+        self._positions, self._velocities = self._values[:12], self._values[12:24]
         self._checked = memoryview(self._buffer)[:COMMAND_CHECKED]
 
     def blank(self) -> bytes:
@@ -91,13 +96,17 @@ class CommandPacker:
         """Return the packet of a command, each value within what may be sent.
 
         Raises:
-            MessageError: If a value isn't finite.
+            MessageError: If a value isn't finite, or a loop with a gain is given the value
+                that switches it off, or another that no joint ever has.
         """
         c, values = command, self._values
         np.concatenate((c.position, c.velocity, c.torque, c.kp, c.kd), out=self._given)
         np.multiply(self._given.take(self._order), self._scale, out=values)
         if not math.isfinite(values.dot(values)):
             raise MessageError(_not_finite(command))
+        x, v = self._positions, self._velocities
+        if x.dot(x) > WIDEST[0] ** 2 or v.dot(v) > WIDEST[1] ** 2:  # perhaps one is too large
+            _refuse_wild(command)
         np.maximum(values, self._lower, out=values)
         np.minimum(values, self._upper, out=values)
         self._motion[:] = self._two
@@ -119,32 +128,53 @@ def _not_finite(command: LowCommand) -> str:
     return 'a command is not finite; send smaller numbers'
 
 
+def _refuse_wild(command: LowCommand) -> None:
+    """Raise if a joint would be driven towards a position or velocity that it can't have."""
+    c = command
+    loops = (('position', c.position, 'kp', c.kp), ('velocity', c.velocity, 'kd', c.kd))
+    for widest, (name, values, gain, gains) in zip(WIDEST, loops, strict=False):
+        for joint, value, given in zip(JOINT_NAMES, values, gains, strict=True):
+            if abs(value) > widest and given > 0.0:
+                raise MessageError(
+                    f'{name} of {joint} is {value:g} with {gain} {given:g}; '
+                    f'send at most {widest:g}, or no {gain}'
+                )
+
+
 def unpack_command(data: bytes) -> LowCommand:
     """Return what a robot is told.
 
     Raises:
-        FrameError: If the packet is none, spoilt, or not for the motors.
+        FrameError: If the packet is none, spoilt, not for the motors, or not finite.
     """
     _check(data, COMMAND_BYTES, COMMAND_CHECKED, 'command')
     if data[0] != LOW_LEVEL:
         raise FrameError('level', f'command is for level {data[0]:#04x}, not for the motors')
     motors = np.frombuffer(data, MOTOR_COMMAND, len(ROBOT_ORDER), MOTORS_AT)[ROBOT_ORDER]
     position, velocity = motors['motion'].astype(np.float64).T
+    if not math.isfinite(float(position.sum() + velocity.sum())):
+        raise FrameError('not_finite', 'command has a value that is not finite')
     torque, kp, kd = (motors['efforts'] / SCALES[2:]).T
     return LowCommand(int(motors['mode'][0]), position, velocity, torque, kp, kd)
 
 
 def pack_state(state: LowState) -> bytes:
-    """Return the packet of a state, clamped to what its integers can hold."""
+    """Return the packet of a state, clamped to what its integers can hold.
+
+    Raises:
+        MessageError: If a value isn't finite.
+    """
+    _check_finite(state)
     buffer = bytearray(STATE_BYTES)
     buffer[0] = LOW_LEVEL
     x, y, z, w = state.orientation.tolist()
     imu = (w, x, y, z, *state.angular_velocity, *state.specific_force, *_rpy(x, y, z, w))
     struct.pack_into('<13f', buffer, IMU_AT, *imu)
     motors = np.frombuffer(buffer, MOTOR_STATE, MOTORS, STATE_MOTORS_AT)[: len(ROBOT_ORDER)]
-    for name in ('mode', 'position', 'velocity', 'temperature'):
+    for name in ('mode', 'position', 'velocity'):
         motors[name] = getattr(state, name)[ROBOT_ORDER]
     motors['raw_position'], motors['raw_velocity'] = motors['position'], motors['velocity']
+    motors['temperature'] = np.clip(state.temperature, -128, 127)[ROBOT_ORDER]
     motors['torque'] = _int16(state.torque * TORQUE_SCALE)[ROBOT_ORDER]
     struct.pack_into('<4h', buffer, FEET_AT, *_int16(state.foot_force)[ROBOT_FEET].tolist())
     struct.pack_into('<I', buffer, TICK_AT, state.tick & 0xFFFFFFFF)
@@ -152,6 +182,16 @@ def pack_state(state: LowState) -> bytes:
     crc = checksum(memoryview(buffer)[:STATE_CHECKED])
     struct.pack_into('<I', buffer, STATE_BYTES - 4, crc)
     return bytes(buffer)
+
+
+def _check_finite(state: LowState) -> None:
+    for name in (
+        *('position', 'velocity', 'torque'),
+        *('orientation', 'angular_velocity', 'specific_force', 'foot_force'),
+    ):
+        values = getattr(state, name)
+        if not math.isfinite(values.sum()):
+            raise MessageError(f'{name} of a state is {values}; send numbers')
 
 
 def unpack_state(data: bytes) -> LowState:

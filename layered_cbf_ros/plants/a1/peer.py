@@ -10,6 +10,10 @@ from layered_cbf_ros.plants.a1.packets import COMMAND_BYTES
 Address = tuple[str, int]
 
 
+MOST_PACKETS = 64
+"""Taken in one call, so that a flood can't stop the world."""
+
+
 class Peer:
     """One UDP port, whose packets are taken and sent as they are."""
 
@@ -22,15 +26,16 @@ class Peer:
         self._socket: socket.socket = bound_socket(address, port, 'emulation.port')
 
     def receive(self) -> list[tuple[bytes, Address]]:
-        """Return all packets that wait, each with its sender; never blocks."""
+        """Return the packets that wait, each with its sender; never blocks."""
         packets = []
-        while True:
+        for _ in range(MOST_PACKETS):
             try:
                 packets.append(self._socket.recvfrom(2 * COMMAND_BYTES))
             except BlockingIOError:
-                return packets
+                break
             except OSError:  # what an earlier packet met on its way
                 continue
+        return packets
 
     def send(self, packet: bytes, to: Address) -> None:
         """Send a packet; the wire may lose it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ class Remote:
 
     Attributes:
         buttons: Names of BUTTONS.
-        sticks: Left x and y, right x and y, each in [-1, 1].
+        sticks: Left x and y, right x and y, each in [-1, 1]; 0 if it told no number.
     """
 
     buttons: frozenset[str]
@@ -35,7 +36,11 @@ def pressed_buttons(data: bytes) -> frozenset[str]:
 def read_remote(data: bytes) -> Remote:
     """Return all that is held."""
     lx, rx, ry, _, ly = struct.unpack_from('<5f', data, LX_AT)
-    return Remote(pressed_buttons(data), (lx, ly, rx, ry))
+    return Remote(pressed_buttons(data), (_stick(lx), _stick(ly), _stick(rx), _stick(ry)))
+
+
+def _stick(told: float) -> float:
+    return max(-1.0, min(1.0, told)) if math.isfinite(told) else 0.0
 
 
 def write_remote(buttons: Iterable[str]) -> bytes:
