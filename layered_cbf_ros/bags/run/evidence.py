@@ -12,6 +12,7 @@ from layered_cbf_ros.bags.run.message_form import EFFORT, POSITION
 from layered_cbf_ros.bags.run.run_record import RunRecord
 from layered_cbf_ros.bags.storage.writer import FAILED_NOTE
 from layered_cbf_ros.errors import BagError
+from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.node_topics import (
     CLEARANCE,
     DIAGNOSTICS,
@@ -26,6 +27,8 @@ from layered_cbf_ros.scenario import BASES, Scenario
 
 LONGEST_GAP = 0.1
 """Longest time without a message of a topic that proves something [s]."""
+ESTIMATED_AFTER_NS = 2 * NS_PER_S
+"""A robot that a driver has stood up is at rest, and known, so much later [ns]."""
 
 
 def missing_evidence(record: RunRecord) -> list[str]:
@@ -71,10 +74,18 @@ def _missing_topics(record: RunRecord) -> list[str]:
             reasons.append(f'no {topic}: {what} is not proven')
         elif record.state is not None:
             last_ns = int(record.state.stamps_ns[-1])
-            gap = measures.longest_gap(series, record.start_ns, last_ns)
+            first_ns = _planned_from(record) if topic == PLAN else record.start_ns
+            gap = measures.longest_gap(series, min(first_ns, last_ns), last_ns)
             if gap > LONGEST_GAP:
                 reasons.append(f'{topic} is silent for {gap:.2f} s: {what} is not proven')
     return reasons
+
+
+def _planned_from(record: RunRecord) -> int:
+    """Return when there must be a plan [ns]: soon after the first robot stands."""
+    stood = [measures.stood_up_ns(record, motion) for motion in record.motions.values()]
+    first_ns = min(stood, default=record.start_ns)
+    return first_ns + ESTIMATED_AFTER_NS if first_ns > record.start_ns else first_ns
 
 
 def _doubtful_state(record: RunRecord) -> list[str]:
