@@ -12,7 +12,10 @@ from layered_cbf_ros.errors import ParameterError
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.operation.parameters import JoystickParameters
 from layered_cbf_ros.parameters import from_mapping, parameters_of
+from layered_cbf_ros.perception.estimator_parameters import StateEstimatorParameters
 from layered_cbf_ros.perception.parameters import ObstacleTrackerParameters
+from layered_cbf_ros.plants.a1.driver_parameters import DriverParameters
+from layered_cbf_ros.plants.emulation.parameters import EmulatorParameters
 from layered_cbf_ros.plants.parameters import SimulatorParameters
 from layered_cbf_ros.timing import TimingParameters
 from layered_cbf_ros.whole_body.parameters import WholeBodyParameters
@@ -28,7 +31,10 @@ NODE_PARAMETERS: dict[str, tuple[type, ...]] = {
     'whole_body_controller': (WholeBodyParameters, TimingParameters),
     'simulator': (SimulatorParameters, TimingParameters),
     'recorder': (RecorderParameters, TimingParameters),
+    'state_estimator': (StateEstimatorParameters, TimingParameters),
     'obstacle_tracker': (ObstacleTrackerParameters, TimingParameters),
+    'a1_driver': (DriverParameters, TimingParameters),
+    'a1_emulator': (EmulatorParameters, TimingParameters),
 }
 
 

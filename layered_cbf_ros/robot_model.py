@@ -124,6 +124,26 @@ class RobotModel:
         pin.centerOfMass(self._model, self._data, configuration, velocity)
         self._place_feet()
 
+    def toe_velocities(self, configuration: Array, velocity: Array) -> tuple[Array, Array]:
+        """Compute only rotation and feet, and return how the feet move.
+
+        Args:
+            configuration: As in RobotState, (19,).
+            velocity: As in RobotState, (18,).
+
+        Returns:
+            Velocities of the toes' centres, and of the points where they would touch
+            level ground, as with contact_jacobian, world [m/s], (4, 3) each.
+        """
+        pin.forwardKinematics(self._model, self._data, configuration, velocity)
+        self._place_feet()
+        spatial, centre, contact = np.empty((4, 6)), np.empty((4, 3)), np.empty((4, 3))
+        for leg, toe in enumerate(self._toes):
+            motion = pin.getFrameVelocity(self._model, self._data, toe, pin.LOCAL_WORLD_ALIGNED)
+            spatial[leg] = motion.vector
+        _split(spatial, centre, contact)
+        return centre, contact
+
     def nominal_configuration(self, com_xy: Array, yaw: float, com_height: float = 0.26) -> Array:
         """Return the standing pose: level trunk, toes below the hips, on the ground.
 

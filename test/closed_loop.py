@@ -37,6 +37,7 @@ PLAN_TICKS = 2
 
 Motion = Callable[[int], PlannedMotion]
 Height = Callable[[int], tuple[float, float, float]]
+Sensed = Callable[[BulletWorld, GroundForcePlan | None], RobotState]
 
 
 @dataclass
@@ -93,6 +94,8 @@ class ClosedLoop:
         mpc, wbc: Parameters of the layers.
         height: CoM height [m], its rate and acceleration by stamp; constant by default.
         mpc_alive: Tells by stamp whether the MPC answers.
+        sensed: What the layers are told of the plant, given the plan in force; the truth
+            by default.
     """
 
     motion: Motion
@@ -102,6 +105,7 @@ class ClosedLoop:
     wbc: WholeBodyParameters = field(default_factory=WholeBodyParameters)
     height: Height | None = None
     mpc_alive: Callable[[int], bool] = lambda _: True
+    sensed: Sensed = lambda plant, _: plant.states()[0]
 
     def run(self, duration: float) -> Recording:
         """Simulate from a nominal stance on the motion's first point [s]."""
@@ -128,8 +132,8 @@ class ClosedLoop:
         rows = []
         for tick in range(ticks):
             stamp = tick * TICK_NS
-            robot = plant.states()[0]
             plan = self._usable(plans, stamp)
+            robot = self.sensed(plant, plan)
             motion = self._motion_known_at(stamp)
             body = self._body(motion, stamp)
             result = controller.track(state, robot, body, plan)

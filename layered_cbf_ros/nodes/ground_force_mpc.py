@@ -11,6 +11,7 @@ from layered_cbf_ros.ground_forces.ground_force_mpc import MpcStatus
 from layered_cbf_ros.ground_forces.parameters import GroundForceParameters
 from layered_cbf_ros.messages.ground_forces import GroundForceWriter
 from layered_cbf_ros.messages.robot_state import StateReader
+from layered_cbf_ros.node_topics import STATE
 from layered_cbf_ros.nodes.declaring import declare
 from layered_cbf_ros.nodes.graph_node import GraphNode
 from layered_cbf_ros.nodes.inputs import plan_input
@@ -26,7 +27,8 @@ class GroundForceMpcNode(GraphNode):
         self._layer = ForceLayer(declare(self, GroundForceParameters))
         self._state = StateReader(robot)
         self._plan = plan_input(self, robot)
-        self._forces = self.writer(JointState, 'ground_forces')
+        estimated = self.state_topic != STATE  # then the estimator hears the gait, too
+        self._forces = self.writer(JointState, 'ground_forces', 1 + estimated)
         self._encoder = GroundForceWriter()
 
     def run(self) -> None:
