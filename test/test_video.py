@@ -20,6 +20,7 @@ from layered_cbf_ros.robot_model import RobotModel
 from layered_cbf_ros.scenario import Wall
 from layered_cbf_ros.viewing.history import History
 from layered_cbf_ros.viewing.palette import ROBOTS, barrier_colour
+from layered_cbf_ros.viewing.robot_shape import RobotShape
 from layered_cbf_ros.viewing.sight.bag_sight import BagSight
 from layered_cbf_ros.viewing.sight.snapshot import (
     BallSight,
@@ -167,6 +168,11 @@ def test_a_base_without_legs_shows_where_it_is_heading(drawn):
         pale = np.nonzero(disc.min(axis=1) > 170)[0] - 60
         assert len(pale) > 10
         assert np.sign(pale.max() + pale.min()) == (1.0 if yaw == 0.0 else -1.0)
+
+
+def test_a_fleet_without_legs_leaves_no_part_of_an_a1_to_be_placed():
+    for positions, orientations in RobotShape().poses([]):
+        assert (positions.shape, orientations.shape) == ((0, 3), (0, 4))
 
 
 def test_h_goes_from_red_to_green():

@@ -70,8 +70,10 @@ class RobotShape:
             For each part its positions [m] (n, 3) and orientations w, x, y, z (n, 4) in
             the world, those of the first robot first.
         """
-        placed = np.array([self._placements(q) for q in configurations])
-        placed = placed.reshape(len(configurations), -1, 7)
+        count = len(self._geometry.geometryObjects)
+        placed = np.empty((len(configurations), count, 7))  # there may be no robot with legs
+        for row, configuration in zip(placed, configurations, strict=True):
+            row[:] = self._placements(configuration)
         poses = []
         for part in self.parts:
             rows = placed[:, list(part.places)].reshape(-1, 7)
