@@ -91,7 +91,10 @@ class Visitor:
             while not self._times and self._server.poll() is None:
                 try:
                     async with session.ws_connect(
-                        f'ws://{door}/view/', origin=f'http://{door}', protocols=[protocol]
+                        f'ws://{door}/view/',
+                        origin=f'http://{door}',
+                        protocols=[protocol],
+                        max_msg_size=0,
                     ) as scene:
                         async for message in scene:
                             if len(message.data) > HEARTBEAT:
