@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -96,7 +97,7 @@ def read_emulation(entry: Entry) -> Emulation:
         if name == 'remote':
             values[name] = tuple(_press(press) for press in given.entries())
         elif name == 'address':
-            values[name] = given.text()
+            values[name] = _ip_address(given)
         elif name == 'port':
             values[name] = given.whole(1024, 65000)
         elif name == 'lying':
@@ -104,6 +105,15 @@ def read_emulation(entry: Entry) -> Emulation:
         else:
             values[name] = given.number(0.0, metadata['maximum'], metadata.get('unit', ''))
     return Emulation(**values)
+
+
+def _ip_address(entry: Entry) -> str:
+    text = entry.text()
+    try:
+        ipaddress.IPv4Address(text)
+    except ValueError:
+        entry.refuse('give an IP address, as 127.0.0.1')
+    return text
 
 
 def _press(entry: Entry) -> RemotePress:

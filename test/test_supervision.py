@@ -20,6 +20,7 @@ from layered_cbf_ros.operation.parameters import JoystickParameters
 from layered_cbf_ros.parameters import read_parameter_file
 from layered_cbf_ros.patterns import Standing
 from layered_cbf_ros.resources import find_folder
+from layered_cbf_ros.run_nodes import node_names
 from layered_cbf_ros.scenario import Desired, Detections, Obstacle, Rates, Robot, Scenario, World
 from layered_cbf_ros.scenario_checks import problems
 from layered_cbf_ros.scenario_file import from_json, load_scenario, to_json
@@ -27,6 +28,7 @@ from layered_cbf_ros.supervision import shared_memory
 from layered_cbf_ros.supervision.child import Child, describe_exit, node_command
 from layered_cbf_ros.supervision.command_line import parse
 from layered_cbf_ros.supervision.domain_lock import DomainLock
+from layered_cbf_ros.supervision.hosts import check_host, share_of
 from layered_cbf_ros.supervision.printer import Printer, progress_line
 from layered_cbf_ros.supervision.process_plan import ProcessSpec, patience_of, process_plan
 from layered_cbf_ros.supervision.run_folder import make_run_folder
@@ -166,6 +168,40 @@ def test_layers_that_are_fed_by_an_estimator_hear_it_and_it_knows_where_they_beg
     estimator = values[f'/{robot.name}/state_estimator']
     assert (estimator['start_x'], estimator['start_y']) == robot.position
     assert not estimator['standing_at_start']  # real robots lie
+
+
+def test_every_node_of_a_run_on_several_computers_has_one_host_and_only_one():
+    names = node_names(WIRED, record=True)
+    shares = [share_of(names, host) for host in ('base', *(r.name for r in WIRED.robots))]
+    assert sorted(name for share in shares for name in share) == sorted(names)
+    assert set(shares[0]) == {RECORDER, '/coordinator', '/obstacle_tracker', '/a1_emulator'}
+    assert all(name.startswith(f'/{WIRED.robots[0].name}/') for name in shares[1])
+    plan = process_plan(WIRED, Path('p'), True, WIRED.robots[0].name)
+    assert [spec.name for spec in plan] == list(shares[1])
+
+
+@pytest.mark.parametrize(
+    ('scenario', 'host', 'words'),
+    [
+        (WIRED, 'bas', "no host 'bas'; did you mean 'base'"),
+        (SCENARIO, 'base', 'plant: bullet runs on one computer'),
+    ],
+)
+def test_a_host_that_has_no_share_is_refused(scenario, host, words):
+    with pytest.raises(LayeredCbfError, match=words):
+        check_host(scenario, host)
+
+
+def test_an_emulated_robot_on_another_computer_is_armed_by_a_person():
+    emulation = replace(WIRED.emulation, address='10.0.0.1')
+    values = run_parameters(replace(WIRED, emulation=emulation), {}, Path('s'), None)
+    driver = values[f'/{WIRED.robots[0].name}/a1_driver']
+    assert (driver['address'], driver['arm_at_start']) == ('10.0.0.1', False)
+
+
+def test_the_page_and_the_share_of_a_run_are_chosen_side_by_side():
+    options = parse(['--viewer', '--page-host', '0.0.0.0', '--page-port', '9', '--host', 'base'])
+    assert (options.front.host, options.front.port, options.host) == ('0.0.0.0', 9, 'base')
 
 
 def test_scenario_goes_before_defaults_and_the_run_before_both():

@@ -83,7 +83,7 @@ class Steered:
     def __init__(self, folder):
         world = folder / 'world.yaml'
         world.write_text(WORLD)
-        self.run = LiveRun(world, folder / 'run', '--viewer', '--port', '0')
+        self.run = LiveRun(world, folder / 'run', '--viewer', '--page-port', '0')
         self._lines = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

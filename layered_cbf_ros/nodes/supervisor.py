@@ -16,6 +16,7 @@ from rclpy.utilities import remove_ros_args
 from layered_cbf_ros.bags.command_line import run_verb
 from layered_cbf_ros.errors import LayeredCbfError
 from layered_cbf_ros.health import Report
+from layered_cbf_ros.interfaces import NS_PER_S
 from layered_cbf_ros.nodes.graph_news import GraphNews
 from layered_cbf_ros.nodes.robot_orders import give_order
 from layered_cbf_ros.nodes.status_listener import show_status
@@ -27,6 +28,7 @@ from layered_cbf_ros.supervision import shared_memory
 from layered_cbf_ros.supervision.child import Child, node_command
 from layered_cbf_ros.supervision.command_line import Options, parse
 from layered_cbf_ros.supervision.domain_lock import DomainLock
+from layered_cbf_ros.supervision.hosts import ALL, BASE, check_host
 from layered_cbf_ros.supervision.order_command import ORDERS, parse_order
 from layered_cbf_ros.supervision.printer import Printer, progress_line
 from layered_cbf_ros.supervision.process_plan import (
@@ -175,18 +177,21 @@ def supervise(options: Options) -> int:
     if options.joystick is not None:
         presets = find_folder('params') / 'joystick'
         scenario = with_joystick(scenario, presets, options.joystick)
+    check_host(scenario, options.host)
     if options.json is not None:
         check_writable(options.json)
     if options.front is not None:
         check_front(options.front)
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-    lock = DomainLock(domain)
+    lock = DomainLock(domain if options.host == ALL else f'{domain}_{options.host}')
     shared_memory.remove(lock.leftovers)
     date = time.strftime('%Y%m%d_%H%M%S')
-    folder = make_run_folder(scenario, date, options.output, options.record, time.time_ns())
+    record = options.record and options.host in (ALL, BASE)
+    epoch = time.time() if options.epoch is None else options.epoch
+    folder = make_run_folder(scenario, date, options.output, record, round(epoch * NS_PER_S))
     printer = Printer(sys.stdout, sys.stdout.isatty())
     printer.say(f'{scenario.name}: {scenario.description}\nrun in {folder.path}')
-    plan = process_plan(scenario, folder.parameters, options.record)
+    plan = process_plan(scenario, folder.parameters, record, options.host)
     if options.front is not None:
         plan = (*plan, viewer_process(options.front.arguments()))
     run = Run(scenario, plan, folder, printer, lock)

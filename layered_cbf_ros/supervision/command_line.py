@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from layered_cbf_ros.supervision.hosts import ALL, BASE
 from layered_cbf_ros.viewing.front.options import FrontOptions, add_front_options
 
 DEFAULT_SCENARIO = 'one_agent_three_obstacles'
@@ -26,6 +27,8 @@ class Options:
         real_time: Run against the wall clock.
         record: Record a bag and judge it.
         front: Where the page of the run is, None for no page.
+        host: Whose share of the run is started, see `hosts`.
+        epoch: Wall time at which the time of emulated robots begins [s], None for now.
     """
 
     scenario: str
@@ -37,6 +40,8 @@ class Options:
     real_time: bool = False
     record: bool = True
     front: FrontOptions | None = None
+    host: str = ALL
+    epoch: float | None = None
 
 
 def parse(arguments: Sequence[str]) -> Options:
@@ -69,10 +74,22 @@ def parse(arguments: Sequence[str]) -> Options:
     parser.add_argument(
         '--viewer', action='store_true', help='a page in the browser: the run in 3D, and a stick'
     )
-    add_front_options(parser)
+    add_front_options(parser, 'page-')
+    parser.add_argument(
+        '--host',
+        default=ALL,
+        metavar='NAME',
+        help=f'start only the share of this computer: {BASE}, or the name of a robot',
+    )
+    parser.add_argument(
+        '--epoch',
+        type=float,
+        metavar='S',
+        help='Unix time at which that of emulated robots begins, the same on all hosts',
+    )
     given = vars(parser.parse_args(arguments))
-    front = FrontOptions(given.pop('host'), given.pop('port'), given.pop('token'))
+    front = FrontOptions(*(given.pop(f'page_{name}') for name in ('host', 'port', 'token')))
     shown = given.pop('viewer')
     if front != FrontOptions() and not shown:
-        parser.error('--host, --port and --token are those of the page; give --viewer too')
+        parser.error('--page-host, --page-port and --page-token want --viewer too')
     return Options(**given, front=front if shown else None)

@@ -18,6 +18,7 @@ from layered_cbf_ros.run_nodes import (
     plant_of,
 )
 from layered_cbf_ros.scenario import HARDWARE, Scenario
+from layered_cbf_ros.supervision.hosts import ALL, share_of
 from layered_cbf_ros.supervision.shutdown import Patience
 from layered_cbf_ros.timing import REAL_TIME
 
@@ -69,12 +70,21 @@ class ProcessSpec:
         return self.name.strip('/').replace('/', '.') + '.log'
 
 
-def process_plan(scenario: Scenario, parameter_file: Path, record: bool) -> tuple[ProcessSpec, ...]:
-    """Return the processes of a run, in the order in which they are started."""
+def process_plan(
+    scenario: Scenario, parameter_file: Path, record: bool, host: str = ALL
+) -> tuple[ProcessSpec, ...]:
+    """Return the processes of a run, in the order in which they are started.
+
+    Args:
+        scenario: What is run.
+        parameter_file: Parameters of all nodes.
+        record: Whether there is a recorder.
+        host: Whose share it is, see `hosts`.
+    """
     real_time, plant = scenario.time == REAL_TIME, plant_of(scenario)
     return tuple(
         _process(name, parameter_file, real_time, name == plant)
-        for name in node_names(scenario, record)
+        for name in share_of(node_names(scenario, record), host)
     )
 
 

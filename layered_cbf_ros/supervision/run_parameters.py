@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import ipaddress
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -154,10 +155,12 @@ def _settle_robot(
     if scenario.plant not in HARDWARE:
         return
     driver = parameters[f'/{robot.name}/{DRIVER}']
-    if scenario.plant == EMULATED_A1:  # nobody can be hurt: nobody needs to be asked
+    if scenario.plant == EMULATED_A1:
         emulated = scenario.emulation
+        # On this computer nobody can be hurt: nobody needs to be asked.
+        here = ipaddress.ip_address(emulated.address).is_loopback
         driver |= {'address': emulated.address, 'port': emulated.port + number}
-        driver |= {'local_port': driver['local_port'] + number, 'arm_at_start': True}
+        driver |= {'local_port': driver['local_port'] + number, 'arm_at_start': here}
     elif robot.address:
         address, _, port = robot.address.rpartition(':')
         driver |= {'address': address, 'port': int(port)}

@@ -52,7 +52,7 @@ def _run(supervisor: list[str], watched: bool) -> tuple[float, float]:
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder, 'run')
         command = [*supervisor, SCENARIO, '--duration', str(DURATION), '--output', str(run)]
-        command += ['--viewer', '--port', str(port)] if watched else []
+        command += ['--viewer', '--page-port', str(port)] if watched else []
         variables = {'ROS_DOMAIN_ID': str(1 + os.getpid() % 100), **os.environ}
         with subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL) as process:
             if watched:

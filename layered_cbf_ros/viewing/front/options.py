@@ -28,17 +28,29 @@ class FrontOptions:
         return ('--host', self.host, '--port', str(self.port), *token)
 
 
-def add_front_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the page to a command line: host, port and token."""
+def add_front_options(parser: argparse.ArgumentParser, prefix: str = '') -> None:
+    """Add the options of the page to a command line: host, port and token.
+
+    Args:
+        parser: Of the command line.
+        prefix: Before their names, for a program that has other hosts and ports, too.
+    """
     parser.add_argument(
-        '--host',
+        f'--{prefix}host',
         default=HOST,
         metavar='ADDRESS',
         help=f'address of the page, {HOST} unless given; other machines then need a token',
     )
     parser.add_argument(
-        '--port', type=int, default=PORT, metavar='N', help=f'its port, {PORT} unless given'
+        f'--{prefix}port',
+        type=int,
+        default=PORT,
+        metavar='N',
+        help=f'its port, {PORT} unless given',
     )
     parser.add_argument(
-        '--token', default='', metavar='TEXT', help='what visitors must know; made where needed'
+        f'--{prefix}token',
+        default='',
+        metavar='TEXT',
+        help='what visitors must know; made where needed',
     )
