@@ -39,7 +39,7 @@ from layered_cbf_ros.bags.audit.surfaces import Cylinder, HalfSpace, RobotBody
 from layered_cbf_ros.bags.audit.world import motions_of
 from layered_cbf_ros.bags.storage.opening import open_bag
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.lockstep
 
 SCENARIO = """
 description: Two A1 that meet, an obstacle that comes, and a wall; as long as a few steps.

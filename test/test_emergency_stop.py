@@ -177,7 +177,7 @@ operator:
 """
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 @pytest.mark.skipif(importlib.util.find_spec('rclpy') is None, reason='rclpy is not installed')
 def test_a_whole_graph_that_is_stopped_passes_its_verdict_and_its_audit(tmp_path):
     """Every layer a process of its own; the stop comes from a joystick."""

@@ -80,7 +80,7 @@ def told(run, topic):
 @pytest.fixture(scope='module')
 def walk(tmp_path_factory):
     """A finished run, its exit code, and what its bag tells."""
-    run = begun(tmp_path_factory.mktemp('wire'), 8.5, 0.13)
+    run = begun(tmp_path_factory.mktemp('wire'), 8.5, 0.1)
     try:
         run.until_running()
         code = run.end()

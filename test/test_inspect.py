@@ -431,7 +431,7 @@ def assert_same(one, other, where: str) -> int:
     return np.size(one)
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_two_readers_of_others_find_the_same_in_a_real_bag(real_run):
     """Every field of every message, and as many as metadata.yaml and inspect tell."""
     mcap_ros2 = pytest.importorskip('mcap_ros2.reader')
@@ -457,7 +457,7 @@ def test_two_readers_of_others_find_the_same_in_a_real_bag(real_run):
     assert (counts['/state'], values > 200_000) == (1001, True)
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_a_real_run_is_sound_and_inspected_as_it_was_judged(inspect, real_run, tmp_path):
     document = json.loads(inspect(real_run, '--json', '--plot', tmp_path / 'figures').out)
     assert document['problems'] == []

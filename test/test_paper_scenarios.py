@@ -16,7 +16,7 @@ from live_run import LiveRun
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.lockstep
 
 
 @pytest.fixture(scope='module', params=['one_agent_three_obstacles', 'four_agents'])

@@ -370,7 +370,7 @@ def run(tmp_path_factory) -> Path:
     return output
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_every_output_of_every_node_comes_out_the_same_to_the_bit(run, capsys):
     """As many are compared as mcap and rosbags count in the bag."""
     code, result = figures(capsys, run)
@@ -389,7 +389,7 @@ def test_every_output_of_every_node_comes_out_the_same_to_the_bit(run, capsys):
         assert topics[topic]['compared'] + topics[topic]['repeated'] == points > 1000
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_one_changed_bit_is_found_at_its_stamp(run, tmp_path, capsys):
     """The last bit of one torque: the difference is that of two neighbouring doubles."""
     where, changed = 700 * MS, []
@@ -416,7 +416,7 @@ def test_one_changed_bit_is_found_at_its_stamp(run, tmp_path, capsys):
     assert all(t['compared'] == t['bit_equal'] for t in others)
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_a_changed_barrier_is_found_in_its_batch(run, tmp_path, capsys):
     kind, spoilt = 'trajectory_msgs/msg/JointTrajectory', []
 
@@ -436,7 +436,7 @@ def test_a_changed_barrier_is_found_in_its_batch(run, tmp_path, capsys):
     assert quantity['largest'] == pytest.approx(0.25, abs=1e-12)
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_an_output_that_is_missing_in_between_is_a_difference(run, tmp_path, capsys):
     def drop(topic: str, stamp: int, data: bytes) -> bytes | None:
         return None if topic == COMMANDS and stamp == 500 * MS else data
@@ -446,7 +446,7 @@ def test_an_output_that_is_missing_in_between_is_a_difference(run, tmp_path, cap
     assert topics_of(result)[COMMANDS]['resolved_only'] == 1
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_a_missing_input_is_one_line_and_code_two(run, tmp_path):
     """As a user sees it: the program itself, its error stream and its exit code."""
 
@@ -465,7 +465,7 @@ def test_a_missing_input_is_one_line_and_code_two(run, tmp_path):
         main([str(no_plan), WBC])
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_a_bag_that_starts_in_the_middle_says_what_it_cannot_know(run, tmp_path, capsys):
     """The plan's velocity is memory: a coordinator that starts anew starts at rest."""
     begin = 700 * MS
@@ -483,7 +483,7 @@ def test_a_bag_that_starts_in_the_middle_says_what_it_cannot_know(run, tmp_path,
     assert worst['velocity']['largest'] > 0.05
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_what_is_whole_of_a_cut_bag_is_compared(run, tmp_path, capsys):
     data = (run / 'bag' / 'bag_0.mcap').read_bytes()
     cut = tmp_path / 'cut.mcap'
@@ -494,7 +494,7 @@ def test_what_is_whole_of_a_cut_bag_is_compared(run, tmp_path, capsys):
     assert topics_of(result)[COMMANDS]['compared'] > 300
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_in_real_time_inputs_are_guessed_and_the_report_says_so(run, tmp_path, capsys):
     """The tracker takes what comes, so there is nothing to guess; the others differ a little."""
     text = 'std_msgs/msg/String'
@@ -518,7 +518,7 @@ def test_in_real_time_inputs_are_guessed_and_the_report_says_so(run, tmp_path, c
     assert all(q['largest'] <= 2 * 33.5 for q in torque)
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_gains_as_they_were_give_the_run_again(run, tmp_path, capsys):
     """The run's own parameter file changes nothing, even where robots follow exactly."""
     code, result = figures(capsys, run, '--params', run / 'params.yaml')
@@ -531,7 +531,7 @@ def test_gains_as_they_were_give_the_run_again(run, tmp_path, capsys):
     assert new['approaches'] == old['approaches']
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_weaker_joints_get_no_more_torque_than_they_bear(run, tmp_path, capsys):
     limit, out = 4.0, tmp_path / 'out'
     file = gains(tmp_path, 'whole_body_controller', torque_limit=limit)
@@ -546,7 +546,7 @@ def test_weaker_joints_get_no_more_torque_than_they_bear(run, tmp_path, capsys):
     assert len(new) == len(old)
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_differences_of_forces_are_those_of_plain_arithmetic(run, tmp_path, capsys):
     """Mean, RMS and largest, from both bags as rosbags reads them."""
     out = tmp_path / 'out'

@@ -382,7 +382,7 @@ def test_inspect_loads_nothing_of_the_renderer_unless_asked():
     assert said.stdout.strip() == b'[]'
 
 
-@pytest.mark.system
+@pytest.mark.lockstep
 def test_a_render_that_is_killed_leaves_no_half_video_and_no_process(bag, tmp_path):
     """SIGKILL, which nobody can handle, while pictures are being written."""
     code = 'from layered_cbf_ros.nodes.inspect import main; main()'
