@@ -28,7 +28,9 @@ def test_each_file_builds_its_dataclass_and_holds_its_defaults(node, cls):
     assert from_mapping(cls, values) == cls()
 
 
-@pytest.mark.parametrize('cls', {cls for kinds in NODE_PARAMETERS.values() for cls in kinds})
+@pytest.mark.parametrize(
+    'cls', dict.fromkeys(cls for kinds in NODE_PARAMETERS.values() for cls in kinds)
+)
 def test_every_parameter_is_described(cls):
     for field in dataclasses.fields(cls):
         assert len(field.metadata['description']) > 3, field.name
