@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,7 @@ NODES = {
     f'{ROBOT}/whole_body_controller': (f'/{ROBOT}/joint_commands', JointState),
 }
 OF_EVERY_NODE = {'/parameter_events', '/rosout'}
+QUIET_S = 2.0  # on a loaded machine topics of one node are found one after the other
 UNASKED = set(asked_on([ROBOT]))  # nobody steers in this run
 STORE = get_typestore(Stores.ROS2_JAZZY)
 # In real time tracks are used as soon as they come, in lockstep a detection period (10 ms)
@@ -105,12 +108,19 @@ def listen_to_others(live: LiveNode, node: str, run) -> set[str]:
     """
     robot, _, executable = node.rpartition('/')
     own: set[str] = set()
+    changed = time.monotonic()
 
     def all_known() -> bool:
+        """Tell whether its topics are there, and for a while no more have turned up."""
+        nonlocal changed
+        known = len(own)
         if executable in live.node.get_node_names():
             found = live.node.get_publisher_names_and_types_by_node(executable, f'/{robot}')
             own.update(name for name, _ in found)
-        return {NODES[node][0], '/diagnostics', '/ready'} <= own
+        if len(own) > known:
+            changed = time.monotonic()
+        quiet = time.monotonic() - changed > QUIET_S
+        return quiet and {NODES[node][0], '/diagnostics', '/ready'} <= own
 
     live.until(all_known)
     with AnyReader([run / 'bag'], default_typestore=STORE) as reader:
